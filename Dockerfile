@@ -5,6 +5,10 @@
 ARG DEBIAN=trixie
 FROM debian:${DEBIAN}-slim
 
+LABEL org.opencontainers.image.title="indent-sim" \
+      org.opencontainers.image.description="Finite-element simulation of indentation tests" \
+      org.opencontainers.image.licenses="MIT"
+
 WORKDIR /opt/indent-sim
 COPY packages-debian.txt ./
 COPY scripts/setup scripts/provision scripts/

@@ -16,7 +16,7 @@ export PRTE_MCA_hwloc_default_binding_policy := none
 export OMPI_MCA_mpi_yield_when_idle := 1
 export OMPI_MCA_btl := ^tcp
 
-.PHONY: help setup demo check test system lint proofs verify stress pages foreign debian13 pypi clean
+.PHONY: help setup demo check test system lint proofs verify stress pages site foreign debian13 pypi clean
 .DEFAULT_GOAL := help
 
 help: ## this list
@@ -53,6 +53,10 @@ stress: setup ## extremes of geometry, material and size; hostile files, kills, 
 
 pages: setup ## all pages of docs/ that are measured, each with the commit that it was measured at
 	$(VENV)/python scripts/make_pages
+
+site: setup ## the documentation as a site in build/site/html, with the gallery and the pages of releases; strict
+	@SITE=1 scripts/setup
+	$(VENV)/python scripts/make_site
 
 foreign: ## fits of other programs' curves, fetched from the internet, into docs/foreign_curves.md
 	@AFM=1 scripts/setup

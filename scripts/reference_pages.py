@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Makes docs/config.md, symbols.md, scenes.md and files.md from the schema and the sources.
+"""Makes docs/api.md, config.md, symbols.md, scenes.md and files.md from schema and sources.
 
 usage: scripts/reference_pages.py [FOLDER]
 
@@ -23,6 +23,8 @@ from typing import Any, get_args, get_origin
 from generated_page import ROOT
 
 sys.path.insert(0, str(ROOT))
+
+from api_page import api_page
 
 from indent_sim.config import key_types, schema
 from indent_sim.config.key_types import (
@@ -50,6 +52,7 @@ NO_UNIT = ("word", "1")
 def pages() -> dict[str, str]:
     """Return the text of every page by its name in docs/."""
     return {
+        "api.md": api_page(),
         "config.md": config_page(),
         "symbols.md": symbols_page(),
         "scenes.md": scenes_page(),

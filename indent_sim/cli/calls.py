@@ -140,7 +140,7 @@ def hardness(curve: str | Path, scene: SceneInput | None = None, **options: Any)
 
     known = hardness_analysis.OPTIONS
     if unknown := [name for name in options if name not in known]:
-        raise UsageError(f"hardness has no option {unknown[0]}; it has {', '.join(known)}")
+        raise UsageError(f"hardness has no option {unknown[0]}; its options are {', '.join(known)}")
     # Quantities may be numbers or texts with a unit; beta and nu are numbers.
     settings: dict[str, Any] = {
         name: str(value)
@@ -240,7 +240,7 @@ def plot(
         if options:
             raise UsageError(
                 f"the picture of a study has no option {next(iter(options))}",
-                "plot one of its runs for options",
+                "leave the options out, or plot one of its runs",
             )
         return _plot_study(shown, what or "curves", ax)
     results = [shown] if isinstance(shown, Results) else shown
@@ -263,7 +263,7 @@ def _plot_study(shown: Study, panel: str, ax: Axes | None) -> Figure:
     if panel not in ("curves", *small_multiples.PLOTTED_COLUMNS):
         columns = ", ".join(small_multiples.PLOTTED_COLUMNS)
         problem = f"a study is plotted as curves, or as one of {columns}"
-        raise UsageError(f"{problem}: plot one of its runs for other panels")
+        raise UsageError(f"{problem}; for other panels plot one of its runs")
     curve_groups = curve_table.group_folder_curves(
         shown.directory / result_files.RUNS, shown.rows, shown.keys
     )
@@ -297,7 +297,9 @@ def _normalize_options(options: Mapping[str, Any]) -> dict[str, Any]:
         "zoom",
     )
     if unknown := [name for name in options if name not in plot_options]:
-        raise UsageError(f"plot has no option {unknown[0]}; it has {', '.join(plot_options)}")
+        raise UsageError(
+            f"plot has no option {unknown[0]}; its options are {', '.join(plot_options)}"
+        )
     as_lists = {
         name: (value,) if isinstance(value, int) else value for name, value in options.items()
     }

@@ -70,7 +70,7 @@ if TYPE_CHECKING:
 # Messages on stderr, and the log level of the program's own logger for each.
 Verbosity = Literal["all", "warnings"]
 LOG_LEVELS = {"all": logging.INFO, "warnings": logging.WARNING}
-# Sections of a scene by the word of `list`.
+# Sections of a scene, by the argument of `list`.
 LISTED_SECTIONS = {
     "materials": "material",
     "indenters": "indenter",
@@ -204,15 +204,15 @@ def run(
     type=click.IntRange(1, 1000),
     default=1,
     metavar="N",
-    help="Runs at the same time [1].",
+    help="Number of runs at the same time [1].",
 )
 @click.option(
-    "--gather", is_flag=True, help="Write the table of the runs that are there; compute none."
+    "--gather", is_flag=True, help="Write the table of the runs that exist; compute none."
 )
 @click.option(
     "--only",
     metavar="NAME",
-    help="Make one run, with its result folder: a name or number of study.csv.",
+    help="Perform one run with a result folder, given by its name or number in study.csv.",
 )
 @click.option(
     "--surrogate",
@@ -494,13 +494,13 @@ def _print_curve_requirements(
     type=click.IntRange(1, 1000),
     default=1,
     metavar="N",
-    help="Curves, or blocks of curves of a map, at the same time [1].",
+    help="Number of curves, or of blocks of curves of a map, that are fitted at the same time [1].",
 )
 @click.option(
     "--map/--no-map",
     "as_map",
     default=None,
-    help="Fit the curves of a grid together, or one by one [together from 64 curves on].",
+    help="Fit the curves of a grid together as a map, or one by one [together from 64 curves on].",
 )
 @click.option(
     "--thickness",
@@ -513,7 +513,7 @@ def _print_curve_requirements(
     "--grid",
     callback=parse_layout,
     metavar="ROWSxCOLUMNS",
-    help="The files, in the order of their names, are the rows of a map.",
+    help="The files, in the order of their names, are the places of a map, row by row.",
 )
 @click.option(
     "--rows",
@@ -551,7 +551,7 @@ def fit(
     if design_scene:
         with _quiet_libraries(LOG_LEVELS[verbosity]), raise_on_signals():
             config = load(design_scene, overrides)
-            # Points of a curve of `fit --design` unless --points is given.
+            # Number of points of the curve of `fit --design`, unless --points is given.
             design_points = 300
             return _print_design(
                 config, options["keys"], noise, points or design_points, output_format
@@ -637,7 +637,7 @@ def _fit_map(
     measured_map = map_source.find_map(source, request, options["as_map"])
     if measured_map is None:
         if wrong := [name for name in ("thickness", "rows") if options[name]]:
-            raise UsageError(f"--{wrong[0]} belongs to a map", "leave it out, or add --map")
+            raise UsageError(f"--{wrong[0]} applies only to a map", "leave it out, or add --map")
         return None
     if options["level"] is not None:
         raise UsageError(
@@ -929,7 +929,9 @@ def plot(paths: tuple[Path, ...], output: Path | None, **given_options: Any) -> 
     if len(paths) == 1 and paths[0].is_dir() and folder_kind(paths[0]) == "fit":
         return _plot_map(paths[0], output, options)
     if "pixel" in options:
-        raise UsageError("--pixel belongs to the folder of a fitted map", "give one such folder")
+        raise UsageError(
+            "--pixel applies only to the folder of a fitted map", "give one such folder"
+        )
     request = panels.plot_request(options) if options else None
     runs = [reader.read(path) for path in paths]
     if output is not None and output.suffix.lower() == ".tab":
@@ -956,7 +958,7 @@ def _plot_map(folder: Path, output: Path | None, options: dict[str, Any]) -> Non
     if unused_options := [name for name in options if name not in ("what", "dpi", "pixel")]:
         raise UsageError(
             f"the picture of a map has no option {unused_options[0]}",
-            "there are --what, --pixel, --dpi and --output",
+            "its options are --what, --pixel, --dpi and --output",
         )
     if "pixel" in options:
         return _plot_pixel(folder, output, options)
@@ -980,7 +982,8 @@ def _plot_pixel(folder: Path, output: Path | None, options: dict[str, Any]) -> N
 
     if unused_options := [name for name in options if name != "pixel"]:
         raise UsageError(
-            f"--pixel has no option {unused_options[0]}", "give --pixel with --output only"
+            f"--pixel has no option {unused_options[0]}",
+            "--pixel can be combined with --output only",
         )
     row, column = options["pixel"]
     if output is None:
@@ -1016,7 +1019,7 @@ def _plot_study(paths: Sequence[Path], output: Path | None, options: dict[str, A
     if unused_options := [name for name in options if name not in study_plot_options]:
         raise UsageError(
             f"the picture of a study has no option {unused_options[0]}",
-            "there are --what, --dpi and --output",
+            "its options are --what, --dpi and --output",
         )
     folder = paths[0]
     panel, *further_panels = options.get("what", ("curves",))
@@ -1045,7 +1048,7 @@ def _plot_study(paths: Sequence[Path], output: Path | None, options: dict[str, A
 def _plot_row_study(
     folder: Path, panel: str, output: Path | None, options: Mapping[str, Any]
 ) -> None:
-    """Plot the curves of a study whose runs are rows, or a column over the varied keys."""
+    """Plot the curves of a study without result folders, or a column over the varied keys."""
     from indent_sim.process.limits import write_error
     from indent_sim.results.pictures import figures
     from indent_sim.studies import many_runs_picture
@@ -1173,7 +1176,7 @@ def init(kind: str, output: Path | None) -> None:
     template = files("indent_sim.cli") / "templates" / f"{kind}.yaml"
     try:
         write_atomically(output, template.read_bytes())
-        # Schema in the folder of a scene of `init`; the first line of the scene refers to it.
+        # Name of the schema that `init` writes beside a scene, whose first line refers to it.
         schema_file = "scene.schema.json"
         schema_path = output.parent / schema_file
         if kind != "study" and not os.path.lexists(schema_path):
@@ -1270,7 +1273,8 @@ def abort_all_ranks_together(comm: Any) -> Iterator[None]:
         is_interrupted = isinstance(error, KeyboardInterrupt)
         # The message comes first, because mpirun may kill this process at any time.
         code = getattr(error, "exit_code", 1) if comm.rank else report_failure(error)
-        # Rank 0 does not wait for the others after an interrupt: its files are closed, it ends all.
+        # After an interrupt rank 0 does not wait for the others: its files are closed, and it ends
+        # all ranks.
         if (
             (comm.rank or not is_interrupted)
             and consensus.all_ranks_failed()
@@ -1355,7 +1359,7 @@ def _print_conclusion(outcome: Outcome, output_format: OutputFormat, verbosity: 
     from indent_sim.results.result_files import read_report
 
     if output_format == "json":
-        # The file has the entries of the writer, too, e.g. the status and the files.
+        # run.json also has the entries of the writer, such as the status and the files.
         report = read_report(outcome.directory) | outcome.report
         rows = rows_of(outcome.states, has_reactions(outcome.directory))
         print_done({"directory": outcome.directory, "rows": rows, "report": report})

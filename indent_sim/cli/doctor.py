@@ -36,7 +36,7 @@ OPTIONAL_FEATURES = {
     "jinja2": "reports",
     "h5py": "fields, checkpoints, and fits of maps",
 }
-# Modules that import a package as a run does, if that is not its name.
+# Modules by which a run imports a package, if their name differs from that of the package.
 IMPORTED_MODULES = {"gmsh": "indent_sim.mesh.loaded_gmsh"}
 
 

@@ -95,7 +95,7 @@ def print_stdout(text: str) -> None:
     try:
         with suppress(UnicodeEncodeError):
             return click.echo(text)
-        # The name of a folder may consist of any bytes.
+        # The name of a folder may contain bytes that are not UTF-8.
         click.echo(os.fsencode(text))
     except OSError as error:
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)

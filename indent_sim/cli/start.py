@@ -20,7 +20,8 @@ def main() -> None:
     try:
         run_program()
     finally:
-        # The interpreter would search all objects of the libraries for garbage before it ends.
+        # Without this the interpreter would search all objects of the libraries for garbage before
+        # it ends.
         gc.freeze()
 
 

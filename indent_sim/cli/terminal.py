@@ -457,7 +457,7 @@ def _interval_texts(parameters: Mapping[str, Interval], config: Config) -> list[
         # A parameter is not determined if the upper end of its interval is at least this multiple
         # of the lower end.
         unknown_ratio = 100.0
-        # The lower end may be zero.
+        # The lower end of an interval may be zero.
         if not interval.high < unknown_ratio * max(interval.low, 1e-300):
             return "not determined"
         half_width_text = ""
@@ -504,11 +504,12 @@ def study_plan_text(planned: StudyPlan) -> str:
         f"{len(rows)} runs, compared with {planned.compared_with}",
     ]
     if planned.point_count:
-        lines[-1] = f"the first runs of {planned.point_count}, which are rows without folders"
+        lines[-1] = f"these are the first of {planned.point_count} runs without result folders"
     if planned.same:
-        lines[-1] += f"; {planned.same} points are the same scene as another point"
+        lines[-1] += f"; {planned.same} points have the same scene as another point"
     lines.append(
-        f"about {planned.seconds:.2g} s of processor time; --jobs N does N runs at the same time"
+        f"about {planned.seconds:.2g} s of processor time; --jobs N performs N runs at the same "
+        "time"
     )
     title_lines = [printable(planned.title)] if planned.title else []
     return "\n".join([*title_lines, *lines, *planned.refused])
@@ -684,5 +685,5 @@ def row_counts_text(counts: Mapping[str, int]) -> str:
     parts = [f"{counts['done']} of {counts['total']} runs done"]
     parts += [f"{counts[name]} {name}" for name in ("failed", "pending") if counts[name]]
     if counts["left_out"]:
-        parts.append(f"{counts['left_out']} points left out by where")
+        parts.append(f"{counts['left_out']} points left out by `where`")
     return ", ".join(parts)

@@ -57,6 +57,66 @@ def cap_errors(config: SceneSections) -> Iterator[ConfigError]:
         )
 
 
+def resting_body_errors(config: SceneSections) -> Iterator[ConfigError]:
+    """Yield errors of parts of the scene that are not modelled with a body that rests on a flat."""
+    body = config.body
+    if not isinstance(body, Cap | Ball) or body.base != "unbonded":
+        return
+    bonded = "use body.base: fixed"
+    reasons = (
+        (
+            any(not material.is_small_strain for _, material in config.materials()),
+            "needs a linear elastic body",
+            f"give the body a linear elastic material, or {bonded}",
+        ),
+        (
+            any(material.is_time_dependent for _, material in config.materials()),
+            "needs a body that does not depend on time",
+            f"leave material.flow and relaxation of shear out, or {bonded}",
+        ),
+        (
+            any(material.relaxation for _, material in config.materials())
+            or config.loading.prescribed_history is not None,
+            "is not modelled with relaxation or a history: the load curve is that of two contacts",
+            f"give loading.delta or force, or {bonded}",
+        ),
+        (
+            not config.contact.is_conservative,
+            "is modelled without friction, above and below",
+            f"leave contact.friction out, or {bonded}",
+        ),
+        (
+            config.contact.adhesion is not None
+            or bool(config.experiment and config.experiment.adhesion),
+            "is modelled without adhesion, above and below",
+            f"leave it out, or {bonded}",
+        ),
+        (
+            bool(body.surface_tension),
+            "is not modelled with surface tension",
+            f"leave body.surface_tension out, or {bonded}",
+        ),
+        (
+            config.contact.gap == "current",
+            "needs the gap at the undeformed point",
+            "use contact.gap: reference",
+        ),
+        (
+            config.contact.method == "nitsche",
+            "is solved by static condensation, which nitsche does not allow",
+            "use contact.method: auto",
+        ),
+        (
+            config.solver.method in ("newton", "theory"),
+            "is solved by static condensation",
+            "use solver.method: auto",
+        ),
+    )
+    for applies, problem, remedy in reasons:
+        if applies:
+            yield ConfigError("body.base", f"a body that rests on a flat {problem}", remedy)
+
+
 def layer_errors(config: SceneSections) -> Iterator[ConfigError]:
     """Yield errors in the materials and thicknesses of layers."""
     layers = config.body.layers or ()

@@ -132,7 +132,7 @@ def shared_field_type(kind: Any) -> Any:
 def describe_type(hint: Any) -> str:
     """Return the description of a type with its range, such as "a number > 0 or auto"."""
     members = union_members(hint)
-    # Every whole number is also a number.
+    # "a whole number" is left out beside "a number", which includes it.
     described_members = [member for member in members if not (member is int and float in members)]
     return join_words(list(dict.fromkeys(map(_describe_member, described_members))))
 

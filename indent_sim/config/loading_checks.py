@@ -70,7 +70,7 @@ def history_errors(config: SceneSections) -> Iterator[ConfigError]:
             problem = (
                 f"{t:g} lies outside the history"
                 if not point_times[0] <= t <= point_times[-1]
-                else "is not later than the one before"
+                else "is not later than the previous time"
             )
             yield ConfigError(
                 f"loading.times[{k}]",

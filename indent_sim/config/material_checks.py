@@ -122,7 +122,7 @@ def _gel_errors(config: SceneSections) -> Iterator[ConfigError]:
                 f"gives G/n_omega = {ratio:g}, but another gel has {first:g}; it is kT over the "
                 "molecular volume of the solvent, which is the same for all"
             )
-            yield ConfigError(f"{key}.n_omega", problem, "use one ratio for all gels")
+            yield ConfigError(f"{key}.n_omega", problem, "use the same ratio for all gels")
 
 
 def _flow_law_errors(key: str, material: Material) -> Iterator[ConfigError]:

@@ -28,10 +28,10 @@ def directory_problem(directory: str) -> str:
         paths = [working_directory, os.path.realpath(directory)]
         leads_out = os.path.commonpath(paths) != working_directory
     except OSError:
-        # The working directory was deleted; writing a result will fail.
+        # If the working directory was deleted, the check passes; writing a result will fail.
         return ""
     except ValueError:
-        leads_out = True  # to another drive of Windows
+        leads_out = True  # The path leads to another drive of Windows.
     return "leads out of the working directory through a link" if leads_out else ""
 
 

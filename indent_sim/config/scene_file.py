@@ -25,7 +25,7 @@ from indent_sim.model.loading import STEPPED_KEYS, Loading
 from indent_sim.process.errors import ConfigError, ConfigErrors, UsageError
 from indent_sim.process.regular_files import open_regular_file
 
-# Sections of a study, which no scene has.
+# Sections that only a study has.
 STUDY_SECTIONS = {"base", "vary"}
 # Pattern of dotted keys such as body.layers[0].material.E.
 KEY_PATTERN = re.compile(r"\w+(\[\d+\])*(\.\w+(\[\d+\])*)*")

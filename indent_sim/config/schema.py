@@ -20,6 +20,7 @@ from indent_sim.config.body_checks import (
     cap_errors,
     inclusion_errors,
     layer_errors,
+    resting_body_errors,
     surface_tension_errors,
 )
 from indent_sim.config.key_types import (
@@ -55,7 +56,7 @@ from indent_sim.config.tip_checks import (
 )
 from indent_sim.process.errors import ConfigErrors
 
-# Keys that were once in `experiment`, and their present sections.
+# Keys that earlier versions had in `experiment`, and their present sections.
 MOVED_KEYS = {"relaxation": "material", "history": "loading", "force_history": "loading"}
 # Problem and remedy of each key that earlier versions had.
 REMOVED_KEYS = {
@@ -75,6 +76,7 @@ TAG_KEYS = {"shape", "model", "method"}
 # Checks of a config, in the order in which their errors are reported.
 CONSISTENCY_CHECKS = (
     cap_errors,
+    resting_body_errors,
     layer_errors,
     surface_tension_errors,
     inclusion_errors,

@@ -124,7 +124,10 @@ class _EventReader:
             raise self.error(event, path[:1], f"the file has more than {max_values} values")
         if isinstance(event, yaml.AliasEvent) or event.anchor is not None:
             raise self.error(
-                event, path, "anchors and aliases (&, *) are not allowed", "write the value out"
+                event,
+                path,
+                "anchors and aliases (&, *) are not allowed",
+                "write the value itself in this place",
             )
         if event.tag is not None:
             raise self.error(

@@ -129,7 +129,7 @@ def tilt_errors(config: SceneSections) -> Iterator[ConfigError]:
                 "indenter.tilt_towards", problem, "give indenter.tilt, or leave it out"
             )
         return
-    if tip.lens is not None:
+    if getattr(tip, "material", None) is not None:
         problem = "a soft tip is modelled with its holder level"
         yield ConfigError(key, problem, "leave indenter.tilt or indenter.material out")
     if isinstance(tip, Sphere):
@@ -158,9 +158,9 @@ def tilt_errors(config: SceneSections) -> Iterator[ConfigError]:
 
 
 def soft_tip_errors(config: SceneSections) -> Iterator[ConfigError]:
-    """Yield errors in the material and the thickness of a soft tip, and in what goes with it."""
+    """Yield errors in material and thickness of a soft tip, and in parts incompatible with it."""
     tip = config.indenter
-    if not isinstance(tip, Paraboloid | Sphere):
+    if not isinstance(tip, Paraboloid | Sphere | FlatPunch | Plate):
         return
     if tip.material is None:
         if tip.thickness is not None:
@@ -168,13 +168,19 @@ def soft_tip_errors(config: SceneSections) -> Iterator[ConfigError]:
             yield ConfigError(
                 "indenter.thickness", problem, "give indenter.material, or leave it out"
             )
+        if isinstance(tip, Plate) and tip.radius is not None:
+            problem = "is the radius of a soft plate, but this plate is rigid and has no end"
+            remedy = "give indenter.material, use shape: flat_punch, or leave it out"
+            yield ConfigError("indenter.radius", problem, remedy)
         return
     try:
         tip.material.canonical()
     except (ArithmeticError, ValueError) as error:
         yield ConfigError("indenter.material", str(error))
         return
-    if (tip.thickness or 0.0) > tip.R:
+    if isinstance(tip, FlatPunch | Plate):
+        yield from _soft_cylinder_errors(config, tip)
+    elif (tip.thickness or 0.0) > tip.R:
         problem = f"must not exceed the radius R = {tip.R:g}: the tip is a cap of a ball"
         yield ConfigError("indenter.thickness", problem, f"use at most {tip.R:g}, half a ball")
     key = "indenter.material"
@@ -188,6 +194,25 @@ def soft_tip_errors(config: SceneSections) -> Iterator[ConfigError]:
         )
         yield ConfigError(key, problem, "use a cylinder, a layer, a half_space, a cap or a ball")
     yield from _soft_tip_conflicts(config, key)
+
+
+def _soft_cylinder_errors(config: SceneSections, tip: FlatPunch | Plate) -> Iterator[ConfigError]:
+    """Yield errors in the sizes of a soft flat punch or a soft plate."""
+    missing = [name for name in ("thickness", "radius") if getattr(tip, name) is None]
+    for name in missing:
+        problem = "missing: a soft plate is a cylinder of this radius"
+        if name == "thickness":
+            problem = f"missing: a soft {tip.shape} is a cylinder between its face and its holder"
+        yield ConfigError(f"indenter.{name}", problem, "give a number > 0")
+    if isinstance(tip, FlatPunch) and tip.edge_radius:
+        problem = "is not modelled of a soft punch, whose edge is sharp"
+        yield ConfigError("indenter.edge_radius", problem, "leave it out")
+    body = config.body
+    if missing or not isinstance(body, Cylinder) or isinstance(tip, FlatPunch):
+        return
+    if (tip.radius or 0.0) < body.radius * (1 - 1e-9):
+        problem = f"a plate of radius {tip.radius:g} does not cover a top of radius {body.radius:g}"
+        yield ConfigError("indenter.radius", problem, "use shape: flat_punch, or a wider plate")
 
 
 def _soft_tip_conflicts(config: SceneSections, key: str) -> Iterator[ConfigError]:
@@ -226,7 +251,7 @@ def _soft_tip_conflicts(config: SceneSections, key: str) -> Iterator[ConfigError
         ),
         (
             config.solver.method in ("newton", "theory"),
-            "is solved by static condensation of tip and body",
+            "must be auto: a soft tip is solved by static condensation of tip and body",
             "use solver.method: auto",
         ),
         (

@@ -192,6 +192,10 @@ class Body:
         )
         return integrand * self.weight * measure
 
+    def surface_trace(self, name: str) -> Trace:
+        """Return the trace of a named surface."""
+        return self._create_trace(self.body_mesh.surfaces[name])
+
     def _create_trace(self, facets: np.ndarray) -> Trace:
         space = self.unknowns.collapsed_space("u")
         nodes = facet_nodes(self.mesh, space, facets)

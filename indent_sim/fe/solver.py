@@ -8,7 +8,8 @@ from petsc4py import PETSc
 
 from indent_sim.fe.compat import versions
 from indent_sim.fe.condensed.compliance import Condenser
-from indent_sim.fe.condensed.equilibrium import CondensedEquilibrium
+from indent_sim.fe.condensed.equilibrium import BodyCondenser, CondensedEquilibrium
+from indent_sim.fe.condensed.resting_body import RestingBodyCondenser
 from indent_sim.fe.condensed.soft_tip import SoftTipCondenser
 from indent_sim.fe.discrete_body import Body
 from indent_sim.fe.mesh import BodyMesh, distribute
@@ -40,19 +41,24 @@ def create_equilibrium(scene: Scene, mesh: BodyMesh) -> Equilibrium:
     """
     if scene.solver.method == "condensed":
         body = Body(scene, mesh, pressure_fields(scene))
-        return CondensedEquilibrium(scene, body, _soft_tip_condenser(scene, body))
+        return CondensedEquilibrium(scene, body, _condenser(scene, body))
     return BodyEquilibrium(Body(scene, mesh, additional_fields(scene)))
 
 
-def _soft_tip_condenser(scene: Scene, body: Body) -> SoftTipCondenser | None:
-    """Mesh and condense a soft tip with the body; None if the tip is rigid (collective)."""
+def _condenser(scene: Scene, body: Body) -> BodyCondenser:
+    """Condense the body, with a flat on which it rests, and mesh and condense a soft tip with it.
+
+    The call is collective.
+    """
+    rests = scene.physics.domain.rests_on_flat
+    body_condenser = RestingBodyCondenser(body) if rests else Condenser(body)
     tip_scene = scene.tip_scene
     if tip_scene is None:
-        return None
+        return body_condenser
     grid = run_on_root(body.comm, tip_scene.grid)
     mesh = distribute(grid, tip_scene.physics.domain, body.comm)
     tip = Body(tip_scene, mesh, pressure_fields(tip_scene))
-    return SoftTipCondenser(Condenser(body), Condenser(tip))
+    return SoftTipCondenser(body_condenser, Condenser(tip))
 
 
 def create_load_stepper(scene: Scene, mesh: BodyMesh, started: float | None = None) -> LoadStepper:

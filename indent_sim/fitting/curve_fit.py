@@ -76,11 +76,9 @@ from indent_sim.results.reader import Results
 from indent_sim.run.solvers.elastic_curve import half_space_modulus
 
 SOLVED_DEPTH_FACTOR = 1.3  # the scene is solved to this multiple of the estimated largest depth
-# The same for an adhesive tip, whose contacts are those of deeper ones without adhesion.
+# The same for an adhesive tip, whose contact is as large as that of a deeper tip without adhesion.
 ADHESIVE_DEPTH_FACTOR = 2.4
 MIN_DEPTH_FACTOR = 1.01  # smallest multiple, for a body that cannot be indented further
-# A parameter whose interval spans a larger factor is not determined.
-MAX_KNOWN_FACTOR = 1e3
 MIN_DIGITS = 4
 MAX_DIGITS = 10
 INTERVAL_KEYS = ("value", "low", "high")  # keys of an interval in fit.json
@@ -152,7 +150,7 @@ class CurveFit:
 
 
 def keys_of_part(keys: Sequence[str], part: CurvePart) -> tuple[str, ...]:
-    """Return the varied keys; the work of adhesion of each branch if both are fitted together."""
+    """Return the varied keys; a work of adhesion has two, if both branches are fitted."""
     if part == "both" and ADHESION_WORK_KEY in keys and RETRACT_WORK_KEY not in keys:
         after = list(keys).index(ADHESION_WORK_KEY) + 1
         return (*keys[:after], RETRACT_WORK_KEY, *keys[after:])
@@ -259,10 +257,10 @@ def _fit_and_assess(
 def _fit_elastic(
     config: Config, request: FitRequest, samples: Samples, tables: ForwardModelCache
 ) -> tuple[Estimate, list[str], tuple[float, ...]]:
-    """Fit an elastic scene; a curve without a baseline gets a known one.
+    """Fit an elastic scene; a curve without samples before contact is given a baseline.
 
-    Returns the fit, sentences about the baseline, and the error (k,) of theta due to a toe that is
-    left out.
+    Returns the fit, sentences about the baseline, and the errors (k,) of theta due to leaving out
+    the toe, which is the slow rise of the force before contact. They are empty without a toe.
     """
     estimate = _fit_load_curve(config, request, samples, tables)
     known = None
@@ -281,7 +279,8 @@ def _fit_elastic(
     if not known.fits(known_estimate, estimate):
         return estimate, [], ()
     differences = [np.abs(other.theta - known_estimate.theta) for other in others]
-    # The parameters approach those without a toe by about as much again.
+    # Twice the largest difference between fits that leave out less or more of the toe bounds the
+    # difference from a curve without a toe.
     errors = tuple(2.0 * np.max(differences, axis=0)) if differences else ()
     return known_estimate, [known.note], errors
 
@@ -292,7 +291,7 @@ def _fit_load_curve(
     """Fit an elastic scene; solve deeper and refit if the fitted depth exceeds the solved one."""
     if config.experiment and config.experiment.adhesion:
         return _fit_adhesive_load_curve(config, request, samples, tables)
-    forward_model = _graded_forward_model(config, request.varied_keys, samples, tables)
+    forward_model = _shared_forward_model(config, request.varied_keys, samples, tables)
     estimate = fit_model(forward_model, samples, request.origin)
     depth = _max_indentation(estimate)
     if depth > forward_model.max_depth:
@@ -315,7 +314,7 @@ def _fit_adhesive_load_curve(
     for factor in (ADHESIVE_DEPTH_FACTOR, SOLVED_DEPTH_FACTOR, MIN_DEPTH_FACTOR):
         try:
             forward_model = tables.forward_model(
-                config, request.varied_keys, graded_depth(factor * contact_depth)
+                config, request.varied_keys, rounded_depth(factor * contact_depth)
             )
             break
         except (ConfigError, ForwardModelUnavailable):
@@ -328,10 +327,11 @@ def _fit_adhesive_load_curve(
         missing = estimate.depth / forward_model.largest_displacement(estimate.theta)
         if 0.0 < missing <= 1.0:
             return estimate
-        # A contact that is tensile at all solved depths tells only that deeper ones are needed.
+        # If the contact is tensile at all solved depths, the missing depth is unknown: solve three
+        # times as deep.
         growth = min(max(1.2 * missing, 1.3), 3.0) if missing > 0.0 else 3.0
         forward_model = tables.forward_model(
-            config, request.varied_keys, graded_depth(growth * forward_model.max_depth)
+            config, request.varied_keys, rounded_depth(growth * forward_model.max_depth)
         )
     raise FitRejected(
         "the adhesive contact is larger than any that was solved: the adhesion is too strong for "
@@ -350,13 +350,13 @@ def _fit_along_path(
     assert samples.t is not None
     compliance = config.experiment.compliance if config.experiment else 0.0
     force = samples.force - baseline_level(samples)
-    # Depths behind a spring that change by less than so many medians of the change between
-    # samples are noise.
+    # Depths behind a spring contain the noise of the force. Changes of less than this many medians
+    # of the change between samples count as noise.
     noise_medians = 4.0
-    # Behind a spring the depths contain the noise of the force.
     depth_noise = noise_medians * compliance * float(np.median(np.abs(np.diff(force))))
     depth = samples.x - compliance * force
-    # A hold begins at the latest this fraction of the range below the end.
+    # The approach ends, and a hold may begin, where the depth is less than this fraction of its
+    # range from the largest depth.
     hold_depth_fraction = 0.01
     approach = samples.select(
         np.arange(len(samples))
@@ -400,7 +400,7 @@ def _elastic_contact_point(
     """
     if request.origin.contact_point is not None:
         return request.origin.contact_point
-    elastic_model = _graded_forward_model(
+    elastic_model = _shared_forward_model(
         _elastic_config_with_spring(config, max_contact_depth(approach, config)),
         (pressure_keys(config)[0],),
         approach,
@@ -426,7 +426,7 @@ def prepare_curve(curve: MeasuredCurve, request: FitRequest) -> tuple[Config, Sa
     has_spring = config.experiment is not None and config.experiment.compliance > 0
     guesses = []
     if has_spring and curve.is_abscissa_guessed:
-        curve = curve.with_displacement()
+        curve = curve.reinterpret_depth()
         guesses.append(
             "the file does not name the quantity in its column of lengths, and the scene has a "
             "spring: it is taken as the displacement of the base; if it is the depth, say so, "
@@ -450,14 +450,14 @@ def prepare_curve(curve: MeasuredCurve, request: FitRequest) -> tuple[Config, Sa
     t = None if curve.t is None else curve.t - curve.t[0]
     samples = Samples(curve.abscissa_values(column), curve.force, t)
     if config.experiment and config.experiment.adhesion:
-        samples = _in_order_of_time(samples, curve, request.curve_part)
+        samples = _order_by_time(samples, curve, request.curve_part)
     return config, samples, notes
 
 
-def _in_order_of_time(samples: Samples, curve: MeasuredCurve, part: CurvePart) -> Samples:
-    """Return the samples of an adhesive tip from its approach on, with their sides."""
+def _order_by_time(samples: Samples, curve: MeasuredCurve, part: CurvePart) -> Samples:
+    """Return the samples in the order of time; of a whole curve, each with its branch."""
     if part == "approach" and samples.x[0] > samples.x[-1]:
-        # A file in order of z: the tip touches at the end of its rows.
+        # The rows of this file are in the order of z, so that they begin at the deepest point.
         return Samples(
             samples.x[::-1], samples.force[::-1], None if samples.t is None else samples.t[::-1]
         )
@@ -476,29 +476,31 @@ def _remove_spring(config: Config) -> Config:
     )
 
 
-def _graded_forward_model(
+def _shared_forward_model(
     config: Config, keys: tuple[str, ...], samples: Samples, tables: ForwardModelCache
 ) -> ForwardModel:
-    """Return the forward model up to a rounded depth, so that other curves can share it.
+    """Return the forward model up to a rounded depth, so that curves of similar depth share it.
 
     If the scene is not valid at that depth, the model extends slightly beyond the depth of the
     curve.
     """
     contact_depth = max_contact_depth(samples, config)
     try:
-        return tables.forward_model(config, keys, graded_depth(SOLVED_DEPTH_FACTOR * contact_depth))
+        return tables.forward_model(
+            config, keys, rounded_depth(SOLVED_DEPTH_FACTOR * contact_depth)
+        )
     except (ConfigError, ForwardModelUnavailable):
         return tables.forward_model(config, keys, MIN_DEPTH_FACTOR * contact_depth)
 
 
-def graded_depth(depth: float) -> float:
-    """Return a depth, rounded up to a power of a fixed ratio, so that curves share solutions."""
+def rounded_depth(depth: float) -> float:
+    """Return a depth, rounded up to a power of 1.25, so that similar curves share solutions."""
     grade_ratio = 1.25
     return float(grade_ratio ** math.ceil(math.log(depth) / math.log(grade_ratio)))
 
 
 def adhesive_contact_depth(samples: Samples, config: Config) -> float:
-    """Return the depth of a curve with adhesion [length], from its snap-in if that is clear."""
+    """Return the largest depth of an adhesive curve [length], from its snap-in if that is clear."""
     side = sides_of(samples.x) if samples.branch is None else np.abs(samples.branch)
     touch = find_jumps(samples.x, samples.force, side).touch
     if touch is None:
@@ -593,7 +595,7 @@ def _radius_exponent(config: Config, max_depth: float) -> float:
     return math.log(upper_force / lower_force) / math.log(factors[1] / factors[0])
 
 
-# ---- what is said of it
+# ---- entry in fit.json, warnings and sentences
 # ------------------------------------------------------------------------------------
 
 
@@ -785,7 +787,7 @@ def _warnings(assessment: ModelAssessment) -> list[str]:
 
 
 def _contradicting_touch(estimate: Estimate) -> tuple[float, float] | None:
-    """Return the displacements of a snap-in that is not at the given contact point, or None."""
+    """Return the displacements around a snap-in that contradicts the contact point, or None."""
     model = estimate.model
     if model.origin.contact_point is None or model.samples.branch is None:
         return None
@@ -798,10 +800,10 @@ def _contradicting_touch(estimate: Estimate) -> tuple[float, float] | None:
 
 
 def _scale_warnings(estimate: Estimate, config: Config) -> list[str]:
-    """Return a warning if the tip is not that of the scene at the depth of the curve."""
+    """Return a warning if the curve is deeper than the radius of the tip."""
     R = getattr(config.indenter, "R", None)
     depth = _max_indentation(estimate)
-    # A paraboloid is no longer the tip of a sphere at a depth of one radius.
+    # At a depth of one radius a paraboloid no longer approximates a sphere.
     if R is None or depth <= R:
         return []
     return [
@@ -811,18 +813,18 @@ def _scale_warnings(estimate: Estimate, config: Config) -> list[str]:
 
 
 def _unit_hint(ratio: float) -> str:
-    """Return a hint if a ratio would be sensible with a prefix of a unit mistaken."""
-    # A ratio within these limits, after division by a thousand or a million, is a usual depth.
+    """Return a hint if a wrong unit prefix explains a large ratio of depth to tip radius."""
+    # Usual ratios of depth to tip radius.
     low = 1e-3
     high = 1.0
     for power, name in ((3, "a thousand"), (6, "a million")):
         if low <= ratio / 10.0**power <= high:
-            return f" (a factor of {name} between them would explain it)"
+            return f" (one of the units is probably wrong by a factor of {name})"
     return ""
 
 
 def _refuse_wrong_scale(config: Config, samples: Samples) -> None:
-    """Raise NoCurve if the depths of a curve are a tiny fraction of the radius of the tip."""
+    """Raise NoCurve if the range of depths is below 1e-6 of the radius of the tip."""
     R = getattr(config.indenter, "R", None)
     span = float(np.ptp(samples.x)) if len(samples) else 0.0
     # Smallest depth of a curve, relative to the radius of the tip: for radii of up to 0.1 mm it is
@@ -904,13 +906,16 @@ def one_line_summary(entry: Mapping[str, Any], config: Config) -> str:
 def format_interval(key: str, config: Config, interval: Interval) -> str:
     """Return a key's value and its 95 % interval as text with units.
 
-    A parameter that the curve does not determine is said so, with its upper limit if it has one.
+    If the curve does not determine the parameter, the text says so and gives its upper limit, if it
+    has one.
     """
     name = key.rpartition(".")[2]
     if interval.low == 0.0 < interval.value:
         limit = format_value(key, config, interval.high, interval)
         return f"{name} is not determined: at most {limit}"
-    if interval.low > 0.0 and interval.high > MAX_KNOWN_FACTOR * interval.low:
+    # A parameter whose interval spans a larger factor is not determined.
+    max_known_factor = 1e3
+    if interval.low > 0.0 and interval.high > max_known_factor * interval.low:
         return f"{name} is not determined by the curve"
     value, low, high = (
         format_value(key, config, number, interval)

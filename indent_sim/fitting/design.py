@@ -110,7 +110,7 @@ class Design:
 
     @property
     def words(self) -> str:
-        """Sentences on the expected intervals and on parameters that cannot be identified."""
+        """Sentences on the expected intervals and on parameters that are not identifiable."""
         if not self.identifiable:
             return (
                 f"Not identifiable: {' and '.join(self.parameters)} together are not known better "

@@ -69,7 +69,7 @@ FIT_FILES = (
     MAP_TABLE,
     MAP_PICTURE,
 )
-IMAGE_SUFFIXES = (".gsf", ".tif")  # images of a map: of the varied key, and of the height
+IMAGE_SUFFIXES = (".gsf", ".tif")  # images of a map: the varied key, and the height of the surface
 ReportLine = Callable[[str], None]
 Entry = dict[str, Any]
 
@@ -81,7 +81,8 @@ class ReadOptions:
     Attributes
     ----------
     columns
-        Columns with their roles, or those of depth, force and time, by title or number.
+        Columns as "role=title" or "role=number", or the titles or numbers of the columns of depth,
+        force and time, in this order.
     units
         Units of a file that gives none.
     sensitivity
@@ -93,7 +94,7 @@ class ReadOptions:
     sensitivity: str | None = None
 
     def identity(self) -> Entry:
-        """Return the options that are given, by which an earlier result is recognised."""
+        """Return the given options, by which an earlier fit with the same options is recognised."""
         given = {"columns": list(self.columns), "units": dict(self.units or {})}
         return {
             name: value
@@ -236,7 +237,8 @@ class _Writer:
         self.request = request
         self.earlier_entries = {str(entry["curve"]): entry for entry in earlier_entries}
         self.entries: list[Entry] = []
-        self._order: dict[str, int] = {}  # order of the curves; processes end in another order
+        # positions of the curves; parallel processes end in another order
+        self._order: dict[str, int] = {}
         self._write_time = 0.0
 
     def keep_earlier_entry(self, name: str, source: Entry) -> bool:
@@ -334,7 +336,7 @@ def _remove_empty_folders(directory: Path, created_folders: Sequence[Path]) -> N
 
 
 def _json_roundtrip(record: Mapping[str, Any]) -> Any:
-    """Return a record as it is read back from a JSON file."""
+    """Return a record as it would be after writing it to a JSON file and reading it again."""
     import json
 
     return json.loads(to_json(record))
@@ -360,7 +362,7 @@ def _read_curves(
         except UsageError as error:
             curves = [rejected_fit(file.stem, f"not a curve: {error.problem}")]
         except BackendError as error:
-            # One file of another kind does not end the fit of a folder.
+            # A file of another kind in a folder does not end the fit of the others.
             if len(files) == 1:
                 raise
             curves = [rejected_fit(file.stem, str(error))]
@@ -501,7 +503,7 @@ def _fit_and_write(task: _FitTask, request: FitRequest, tables: ForwardModelCach
 
 
 def _summary_line(fits: CurveFits) -> str:
-    """Return how many curves were fitted, why others were not, and the values of the first key."""
+    """Return counts of fitted and rejected curves, the reasons, and values of the first key."""
     done = [entry for entry in fits.entries if entry["status"] == "done"]
     reasons = Counter(str(entry["reason"]) for entry in fits.entries if entry["status"] != "done")
     text = f"{len(fits.entries)} curves: {len(done)} fitted"

@@ -59,7 +59,7 @@ def draw_curve(fit: CurveFit, config: Config, path: Path, note: str = "") -> Non
 def draw_rejected_curve(
     curve: MeasuredCurve, fit: CurveFit, config: Config, path: Path, note: str = ""
 ) -> None:
-    """Draw the force of a curve that was rejected over its depth or displacement, by its parts.
+    """Draw the force of a rejected curve over its depth or displacement, one line for each part.
 
     A note ends the line below the title.
     """
@@ -128,7 +128,7 @@ def draw_parameter_intervals(
             axes.set_xticks(range(1, len(names) + 1), names, rotation=90, fontsize=8)
         else:
             axes.locator_params(axis="x", integer=True)
-        axes.margins(y=0.2)  # room for the two lines of the legend
+        axes.margins(y=0.2)  # space for the two lines of the legend
         axes.legend(loc="upper left")
         rejected_count = len(entries) - len(done_entries)
         rejected_text = f", {rejected_count} refused" if rejected_count else ""
@@ -140,7 +140,7 @@ def draw_parameter_intervals(
 
 
 def _short_names(names: Sequence[str]) -> list[str]:
-    """Return names for a picture, without a long beginning that all have."""
+    """Return names for a picture, without a long prefix that all have in common."""
     max_letters = 20
     columns = zip(*names, strict=False)
     same = list(takewhile(lambda letters: len(set(letters)) == 1, columns))

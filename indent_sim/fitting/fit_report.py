@@ -112,7 +112,7 @@ def _map_parts(
     map_fit = read_map(folder)
     picture = Picture(
         figures.svg_element(partial(map_picture.draw_map, map_fit, config)),
-        "The map; grey pixels were refused",
+        "The map; the fits of grey pixels were rejected",
         broad=True,
     )
     return {

@@ -48,7 +48,7 @@ Entry = Mapping[str, Any]
 def table_of_fits(entries: Sequence[Entry], keys: Sequence[str]) -> str:
     """Return fit.csv: status, reason, cause, varied keys with intervals, and residuals.
 
-    drift_percent is the relative difference between the values of the first key by fits to half the
+    drift_percent is the relative difference between two values of the first key, fitted to half the
     depth and to the whole depth. Cells without a value are empty.
     """
     text = io.StringIO()

@@ -82,7 +82,7 @@ def process_crash(crash: ProcessCrash) -> BackendError:
     )
 
 
-# Map and noise of this child process, which are sent once for all blocks.
+# Map and noise in this child process; they are sent to it only once, for all blocks.
 _fitter_of_child: list[tuple[MapFitter, PooledNoise | None]] = []
 
 

@@ -1,7 +1,7 @@
-"""Estimates of a map: values with stated intervals, the noise, and a sample fitted one by one.
+"""Fit of a map: values with intervals, the noise, and some curves fitted like single curves.
 
-The sample is fitted with all tests of single curves: it shows whether the faster fits of the map
-can be trusted.
+These sampled curves are fitted one by one with all tests of single curves. They show whether the
+faster fits of the map can be trusted.
 """
 
 from __future__ import annotations
@@ -68,8 +68,6 @@ from indent_sim.process.usage import cpu_time
 from indent_sim.results.measured.measured_map import MeasuredMap
 from indent_sim.results.measured.measurement import MeasuredCurve
 
-# Curves that are also fitted one by one: as many at random as with the largest misfit.
-SAMPLE_SIZE = 48
 ReportLine = Callable[[str], None]
 
 
@@ -81,7 +79,7 @@ def fit_map(
     progress: MapProgress | None = None,
     tell: ReportLine = lambda line: None,
 ) -> tuple[MapFit, list[CurveFit]]:
-    """Fit a map, and a sample of its curves one by one.
+    """Fit a map, and in addition some of its curves one by one.
 
     Parameters
     ----------
@@ -103,7 +101,7 @@ def fit_map(
     map_fit : MapFit
         The fit.
     sample : list of CurveFit
-        Fits of single curves.
+        Fits of the curves that were fitted one by one.
 
     Raises
     ------
@@ -137,7 +135,7 @@ def fit_map(
 
 @dataclass(frozen=True)
 class _Passes:
-    """Passes over the blocks of a map, each of which is kept when it is finished."""
+    """Passes over the blocks of a map; each finished block is written to disk."""
 
     fitter: MapFitter
     progress: MapProgress
@@ -180,8 +178,8 @@ def _set_thickness(
 ) -> np.ndarray | None:
     """Give the fitter the thickness of each curve (N,) after the first pass, and return it.
 
-    A thickness that follows from contact points is computed twice: those of the first pass are of a
-    body of one thickness.
+    A thickness that follows from the contact points is computed twice, since the first pass finds
+    them for a body of uniform thickness.
     """
     fitter = passes.fitter
     if thickness is None or not np.isfinite(fitter.initial_depths).any():
@@ -197,11 +195,11 @@ def _set_thickness(
 def _use_thickness(
     passes: _Passes, scene: MapScene, thickness: Thickness, stage: int
 ) -> np.ndarray:
-    """Give the fitter the thicknesses (N,) of a stage, of an earlier call if they are kept."""
+    """Give the fitter the thicknesses (N,) of a stage; those of an earlier call are reused."""
     fitter = passes.fitter
     kept = passes.progress.thickness
     if stage not in kept:
-        # The contact point moves by less than this fraction of the depth with another thickness.
+        # Another thickness moves the contact point by less than this fraction of the depth.
         margin = 1.1
         max_depth = margin * largest_depth(fitter.initial_depths, percentile=99.0)
         kept[stage] = ThicknessFit(_thicknesses(fitter, scene, thickness, max_depth), max_depth)
@@ -227,14 +225,14 @@ def _thicknesses(
         values = thickness.mean + height - np.nanmedian(height[is_fitted])
     else:
         values = heights_above_base(places, height, fitter.fits.reason == BARE_BASE)
-    # The thickness of rejected curves is not used. A surface may be below the base.
+    # The thickness of rejected curves is not used. By noise a surface may lie below the base.
     values = np.where(is_fitted & np.isfinite(values), values, np.nanmedian(values[is_fitted]))
     thicknesses: np.ndarray = np.maximum(values, 0.5 * thinnest_body(max_depth))
     return thicknesses
 
 
 def _is_bare_base(fitter: MapFitter, scene: MapScene) -> np.ndarray:
-    """Return whether the base moves the spring only, without an indentation (N,).
+    """Return for each curve (N,) whether the tip presses on the bare base, without an indentation.
 
     Raises
     ------
@@ -275,7 +273,7 @@ def _map_fit(
     )
     stated_low = fits.theta - np.hypot(fits.theta - stated_low, systematic)
     stated_high = fits.theta + np.hypot(stated_high - fits.theta, systematic)
-    # An interval that is wider on one side is no result.
+    # A curve whose interval is wider than this on one side is rejected.
     widest = math.log(4.0)
     is_wide = np.fmax(fits.theta - stated_low, stated_high - fits.theta) > widest
     fits.reason[fits.is_fitted & is_wide] = UNCERTAIN
@@ -357,7 +355,10 @@ def _fit_sample(
 def _sample_indices(fits: PixelFits) -> list[int]:
     """Return the curves that are fitted one by one."""
     fitted = np.flatnonzero(fits.is_fitted)
-    count = min(SAMPLE_SIZE // 2, len(fitted))
+    # Number of curves that are also fitted one by one: half are random, half have the largest
+    # misfit.
+    sample_size = 48
+    count = min(sample_size // 2, len(fitted))
     chosen = np.random.default_rng(0).choice(fitted, count, replace=False)
     misfit = np.fmax(
         -np.log10(np.maximum(fits.p_shape[fitted], 1e-300)), np.abs(fits.half_z[fitted])
@@ -428,7 +429,7 @@ def _entry(
 def _compare_sample(
     map_fit: MapFit, fits: PixelFits, sample: list[tuple[int, CurveFit]]
 ) -> dict[str, Any]:
-    """Return how the fits of single curves differ from those of the map."""
+    """Return how the curves that were fitted one by one differ from the fits of the map."""
     shifts = []
     ratios = []
     causes: dict[str, int] = {}
@@ -473,8 +474,8 @@ def _warnings(scene: MapScene, map_fit: MapFit, record: dict[str, Any]) -> list[
     height = getattr(scene.request.config.body, "height", None)
     if height and map_fit.thickness is None and np.isfinite(map_fit.height).any():
         low, high = np.nanpercentile(map_fit.height, [2.5, 97.5])
-        # Variation of the surface, relative to the height of the body, from which on one thickness
-        # for all pixels is doubtful.
+        # If the surface varies by more than this fraction of the body's height, a uniform thickness
+        # is doubtful.
         max_variation = 0.1
         if high - low > max_variation * height:
             messages.append(

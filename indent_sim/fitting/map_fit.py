@@ -6,7 +6,7 @@
    parameters is D V D' with D = (J'WJ)^-1 J'W, for the covariance V of the noise.
 4. The residuals are tested for a trend, and the fit to half the depth is compared.
 
-The reasons are those for which single curves are rejected (`estimate`).
+Curves are rejected for the same reasons as single curves (`estimate`).
 """
 
 from __future__ import annotations
@@ -55,13 +55,13 @@ from indent_sim.fitting.inference.pooled_noise import (
     estimate_pooled_noise,
 )
 
-# Curves that are fitted at once: their samples fit into the cache of a processor.
+# Number of curves that are fitted at once. Their samples fit into the cache of a processor.
 BATCH_SIZE = 64
-# Neighbouring curves that are fitted without a result between them. A killed fit continues after
-# the last block, and processes fit different blocks. A batch has curves of one block only, so that
+# Number of neighbouring curves in a block. Results are written after each block, at which a killed
+# fit continues, and processes fit different blocks. A batch has curves of one block only, so that
 # numbers depend neither on kills nor on the number of processes.
 BLOCK_SIZE = 1024
-# Numbers of samples are multiples of this, so that many curves have the same.
+# The number of samples is rounded to a multiple of this, so that many curves are equally long.
 LENGTH_STEP = 32
 # Relative change of the sums of squares at which the fits of a map end.
 MAP_TOLERANCE = 1e-6
@@ -110,13 +110,13 @@ class PixelFits:
     theta, theta_sd
         Logarithm of the modulus, and its standard deviation.
     contact_point, contact_point_sd
-        Displacement at first touch [length].
+        Displacement at first contact [length].
     level, slope
         Baseline at the contact point [force], and its slope [force/length].
     max_force, depth
         Largest fitted force [force]; depth without the spring's deflection [length].
     travel
-        Displacement of the base from first touch to the deepest sample [length].
+        Displacement of the base from first contact to the deepest sample [length].
     rms
         Root mean square of the residuals [force].
     p_shape
@@ -175,7 +175,7 @@ class InitialFits:
     Attributes
     ----------
     theta, contact_point, level, slope
-        Parameters, as those of `PixelFits`.
+        Parameters as in `PixelFits`.
     depth, travel
         Depth without the spring's deflection, and with it [length].
     near_count
@@ -246,7 +246,7 @@ class MapModel:
         """Return the model of some curves."""
         model = self.forward_model
         if self.load_curves is not None and self.rows is not None:
-            model = model.with_load_curves(self.load_curves, self.rows[curves])
+            model = model.replace_load_curves(self.load_curves, self.rows[curves])
         return CurveModel(model, samples, self.origin)
 
 
@@ -306,7 +306,7 @@ class MapFitter:
     def estimate_noise(self) -> PooledNoise | None:
         """Return the noise of the map, or None if too few curves have long baselines.
 
-        Baselines end a fifth of the depth before first touch.
+        Baselines end a fifth of the depth before first contact.
         """
         max_baselines = 500
         baseline_counts = self.initial.baseline_count
@@ -314,7 +314,7 @@ class MapFitter:
         if len(candidates) < MIN_BASELINES:
             return None
         counts = baseline_counts[candidates]
-        # Half of the curves have as long a baseline, if so many are enough.
+        # The common length is that which half of the curves reach, or which enough curves reach.
         m = min(int(np.median(counts)), MAX_BASELINE_SAMPLES)
         if np.count_nonzero(counts >= m) < MIN_BASELINES:
             m = int(np.sort(counts)[-MIN_BASELINES])
@@ -397,7 +397,7 @@ class MapFitter:
         self.fits.reason[curves[~np.isfinite(squares)]] = NO_FIT
         for column, values in zip(
             ("theta", "contact_point", "level", "slope"),
-            _with_absolute_baseline(model, p).T,
+            _absolute_baseline_parameters(model, p).T,
             strict=True,
         ):
             getattr(self.initial, column)[curves] = values
@@ -432,9 +432,9 @@ class MapFitter:
     def _fit_batch(self, curves: np.ndarray, samples: Samples, noise: PooledNoise) -> None:
         """Fit curves with the noise of the map, and assess the fits."""
         model = self.model.curve_model(curves, samples)
-        initial = _with_relative_baseline(model, self.initial.parameters(curves))
+        initial = _relative_baseline_parameters(model, self.initial.parameters(curves))
         fit = _fit_weighted(model, initial, noise)
-        absolute = _with_absolute_baseline(model, fit.p)
+        absolute = _absolute_baseline_parameters(model, fit.p)
         max_force = np.abs(model.contact_force(fit.p)).max(axis=-1)
         compliance = model.forward_model.experiment.compliance
         p_shape = _shape_probability(model, fit, noise)
@@ -591,7 +591,7 @@ def _fit_depth_range(
     is_inside = x - c <= depth_fraction * (x.max(axis=-1, keepdims=True) - c)
     ends = n - np.argmax(is_inside[:, ::-1], axis=-1)
     in_contact = np.count_nonzero(is_inside & (x > c), axis=-1)
-    # Fewer lengths than those of whole curves, since every block has several of them.
+    # Coarser steps of the length than for whole curves, so that a block has few different lengths.
     step = 2 * LENGTH_STEP
     lengths = step * (ends // step)
     theta = np.full(b, math.nan)
@@ -603,8 +603,8 @@ def _fit_depth_range(
             x[rows[:, None], columns], model.samples.force[rows[:, None], columns]
         )
         part_model = replace(model.select(rows), samples=part_samples)
-        initial = _with_relative_baseline(
-            part_model, _with_absolute_baseline(model.select(rows), fit.p[rows])
+        initial = _relative_baseline_parameters(
+            part_model, _absolute_baseline_parameters(model.select(rows), fit.p[rows])
         )
         part = _fit_weighted(part_model, initial, noise, DEPTH_RANGE_TOLERANCE)
         difference = -fit.solver[rows]
@@ -676,7 +676,7 @@ def initial_parameters(model: CurveModel) -> np.ndarray:
     return np.where(is_valid[:, None], parameters, math.nan)
 
 
-def _with_absolute_baseline(model: CurveModel, p: np.ndarray) -> np.ndarray:
+def _absolute_baseline_parameters(model: CurveModel, p: np.ndarray) -> np.ndarray:
     """Return theta, c, baseline at c and slope [force/length] (b, 4) of parameters (b, 4)."""
     x = model.samples.x
     slope = p[:, 3] / np.maximum(np.ptp(x, axis=-1), 1e-300)
@@ -684,8 +684,8 @@ def _with_absolute_baseline(model: CurveModel, p: np.ndarray) -> np.ndarray:
     return np.stack([p[:, 0], p[:, 1], level, slope], axis=-1)
 
 
-def _with_relative_baseline(model: CurveModel, absolute: np.ndarray) -> np.ndarray:
-    """Return the parameters (b, 4) of a model; the inverse of `_with_absolute_baseline`."""
+def _relative_baseline_parameters(model: CurveModel, absolute: np.ndarray) -> np.ndarray:
+    """Return the parameters (b, 4) of a model; the inverse of `_absolute_baseline_parameters`."""
     x = model.samples.x
     theta, c, level, slope = absolute.T
     b0 = level + slope * (x.mean(axis=-1) - c)

@@ -193,7 +193,7 @@ def _draw(map_fit: MapFit, sample: list[CurveFit], request: FitRequest, director
 
     map_picture.draw_map(map_fit, request.config, directory / MAP_PICTURE)
     (directory / PICTURES).mkdir(exist_ok=True)
-    # Pictures of single curves take longer than the fit of a small map.
+    # Pictures of the sampled curves take longer than the fit of a small map.
     max_pictures = 12
     plotted = [fit for fit in sample if fit.plotted is not None]
     for fit in plotted[:: max(1, len(plotted) // max_pictures)]:

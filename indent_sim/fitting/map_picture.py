@@ -67,7 +67,7 @@ def map_figure(map_fit: MapFit, config: Config, panels: Sequence[str] = ()) -> I
 
 
 def default_panels(map_fit: MapFit) -> tuple[str, ...]:
-    """Return the four panels: causes replace the intervals if many curves are not explained."""
+    """Return the four panels: causes replace the intervals if the scene misfits many curves."""
     max_unexplained = 0.05
     explained = np.nanmean(map_fit.explained) if np.isfinite(map_fit.explained).any() else 1.0
     third = "cause" if explained < 1.0 - max_unexplained else "interval"
@@ -169,7 +169,7 @@ def _draw_image(
     )
     axes.set_facecolor(NO_VALUE)
     _label_axes(axes, map_fit)
-    # Beside the image, and as high as it is.
+    # The colour bar stands beside the image and has its height.
     bar = figure.colorbar(image, cax=axes.inset_axes((1.03, 0.0, 0.045, 1.0)), label=label)
     if bar.ax.get_yscale() == "log":
         _write_plain_numbers(bar.ax.yaxis)

@@ -25,7 +25,7 @@ from indent_sim.results.result_files import CURVES_FOLDER, FIT, PROGRAM
 
 NOT_FITTED = 0
 INITIALLY_FITTED = 1
-# By ordinary least squares as well, with the thickness that follows from the first pass.
+# Fits by ordinary least squares with the thickness that follows from the first pass.
 REFITTED = 2
 FITTED_WITH_NOISE = 3
 
@@ -46,14 +46,14 @@ class MapProgress:
     folder
         Folder of the fit; None if nothing is kept.
     header
-        Entries of fit.json that tell by a later call whether it fits the same curves.
+        Entries of fit.json by which a later call recognises that it fits the same curves.
     """
 
     def __init__(self, folder: Path | None = None, header: Mapping[str, Any] | None = None):
         self.folder = folder
         self.noise: PooledNoise | None = None
         self.sample: dict[int, CurveFit] = {}
-        # By the stage for which it is used.
+        # Thickness fits by the stage in which they are used.
         self.thickness: dict[int, ThicknessFit] = {}
         self._header = dict(header or {})
         self._stages = np.zeros(0, dtype=np.int8)

@@ -71,7 +71,7 @@ class MapScene:
     block_size: int = 1
 
     def samples(self, index: int) -> Samples:
-        """Return a curve; without points for a curve that is damaged or has no approach."""
+        """Return the samples of a curve; none if the curve is damaged or has no approach."""
         try:
             curve = convert_to_scene_units(self.curves[index], self.request.config)
             _, samples, _ = prepare_curve(curve.part(self.request.curve_part), self.request)
@@ -82,15 +82,16 @@ class MapScene:
     def surface_height(self, contact_points: np.ndarray, travels: np.ndarray) -> np.ndarray:
         """Return the height of the surface at zero force (N,) [length], up to a constant.
 
-        Displacements of a file with an image of the height begin anew for each curve; the image is
-        the height of the base where the tip turns, and the surface is `travel` above it.
+        In a file with an image of the height, displacements begin anew for each curve. The image
+        then gives the height of the base of the spring at the turning point, and the surface is
+        `travel` above it.
 
         Parameters
         ----------
         contact_points
-            Displacements at first touch (N,) [length].
+            Displacements at first contact (N,) [length].
         travels
-            Displacements from first touch to the deepest sample (N,) [length].
+            Displacements from first contact to the deepest sample (N,) [length].
         """
         image = self.curves.height
         if image is None:
@@ -112,7 +113,7 @@ def plan_map(curves: MeasuredMap, request: FitRequest, tables: ForwardModelCache
         If no curve has a contact.
     """
     _check_keys(request)
-    # Curves by which the largest depth of a map is estimated.
+    # Number of curves from which the largest depth of a map is estimated.
     probe_count = 200
     probes = np.unique(np.linspace(0, len(curves) - 1, min(probe_count, len(curves))).astype(int))
     depths = []
@@ -144,10 +145,10 @@ def plan_map(curves: MeasuredMap, request: FitRequest, tables: ForwardModelCache
 
 
 def largest_depth(depths: np.ndarray, percentile: float) -> float:
-    """Return the largest depth of a map [length], up to which bodies are solved.
+    """Return the largest depth of a map [length], up to which load curves are solved.
 
-    A curve without a contact that is not recognised as such may have any depth, for which the body
-    might be too thin. Therefore depths above 1.5 times a percentile do not count.
+    A curve without a contact that is not recognised as such may seem to have any depth, even more
+    than the thickness of the body. Therefore depths above 1.5 times a percentile are ignored.
     """
     max_ratio = 1.5
     return float(min(np.nanmax(depths), max_ratio * np.nanpercentile(depths, percentile)))
@@ -194,8 +195,8 @@ def thickness_model(scene: MapScene, thickness: np.ndarray, max_depth: float) ->
     if not (np.isfinite(thickness).all() and (thickness > 0).all()):
         raise ConfigError("--thickness", "is not positive for every curve", "give other heights")
     log_h = np.log(np.maximum(thickness, thinnest_body(max_depth)))
-    # Ratios of neighbouring thicknesses that are solved, and of those that are tabulated: the force
-    # of a thin layer changes by 0.1 to 0.3 % between two rows of the table.
+    # Ratio of neighbouring thicknesses that are solved, and of those in the interpolated table. The
+    # force of a thin layer changes by 0.1 to 0.3 % between two rows of the table.
     solved_ratio = 0.05
     tabulated_ratio = 0.001
     low = float(log_h.min())

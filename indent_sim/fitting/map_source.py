@@ -29,7 +29,7 @@ class MapSource:
     reading
         Options for reading the files.
     grid
-        Rows and columns, if the files of a folder, in the order of their names, are a map.
+        Numbers of rows and columns, if the files of a folder in the order of their names are a map.
     rows
         First row that is fitted, and the one after the last; None for all.
     """
@@ -115,7 +115,7 @@ def find_map(source: MapSource, request: FitRequest, choice: bool | None) -> Mea
     Raises
     ------
     UsageError
-        If a map is asked for, and the files contain none, or not these rows.
+        If a map is requested and the files contain none, or not these rows.
     """
     if request.curve_part != "approach":
         if choice or source.grid is not None:
@@ -128,7 +128,7 @@ def find_map(source: MapSource, request: FitRequest, choice: bool | None) -> Mea
         return None
     curves = _read_map(source, request, choice)
     if curves is not None:
-        return curves if source.rows is None else _with_rows(curves, source.rows)
+        return curves if source.rows is None else _select_rows(curves, source.rows)
     if choice:
         raise UsageError(
             "--map: no file with a grid of curves", "give one map file, or a folder with --grid"
@@ -161,14 +161,14 @@ def _read_map(source: MapSource, request: FitRequest, choice: bool | None) -> Me
     return curves if is_map and isinstance(curves, MeasuredMap) else None
 
 
-def _with_rows(curves: MeasuredMap, rows: tuple[int, int]) -> MeasuredMap:
+def _select_rows(curves: MeasuredMap, rows: tuple[int, int]) -> MeasuredMap:
     """Return the map with the curves of some rows only."""
     if rows[1] > curves.shape[0]:
         raise UsageError(
             f"--rows {rows[0]}:{rows[1]}: the map has the rows 0:{curves.shape[0]}",
             "the row behind the colon is the first one that is left out",
         )
-    return curves.with_rows(*rows)
+    return curves.select_rows(*rows)
 
 
 @dataclass(frozen=True)

@@ -146,7 +146,9 @@ def thickness_of_scene(config: Config) -> Thickness | None:
         return None
     height = number_at(config, HEIGHT_KEY)
     if settings.base and settings.mean is not None:
-        raise ConfigError("map", "has both mean and base", "the base makes a median superfluous")
+        raise ConfigError(
+            "map", "has both mean and base", "give only one of the two: with base no mean is needed"
+        )
     if settings.base:
         return Thickness()
     return Thickness(mean=height if settings.mean is None else settings.mean)

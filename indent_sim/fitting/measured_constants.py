@@ -7,14 +7,15 @@ stand where they are used.
 
 from __future__ import annotations
 
-# Depths at which a scene is solved [-], and the degree of the polynomial through them. The relative
-# error of theory's force is 5e-11. Checked: tests/unit/fitting/test_scene_forces.py.
+# Number of depths at which a scene is solved, and degree of the polynomial through them. The
+# relative interpolation error of the force by theory is 5e-11. Checked:
+# tests/unit/fitting/test_scene_forces.py.
 SOLVED_DEPTHS = 20
 DEGREE = 12
 
-# Nodes [-] and steps, logarithmic and linear [-], of the parameter grid of forces along a measured
-# path; the interpolation error is 3e-4 of the force of a poroelastic layer, measured half-way
-# between nodes with 16 elements in the contact radius. With 4 of them that of the diffusivity is
+# Number of nodes, and logarithmic and linear step [-], of the parameter grid of forces along a
+# measured path. Half-way between nodes the interpolation error of the force of a poroelastic layer
+# is 3e-4 with 16 elements in the contact radius. With 4 elements, that of a varied diffusivity is
 # 3e-3, since time steps and the edge of contact change with it. Repeated, for the linear step, by:
 # tests/physics/test_measured_constants.py. Checked, to 6e-3:
 # tests/unit/fitting/test_history_table.py.

@@ -133,7 +133,7 @@ class FittedMap(MapFit):
     """Scene fitted to a map, with its figure."""
 
     def figure(self, *panels: str) -> Figure:
-        """Return the figure: modulus, height, interval or cause, and histogram, or some of them."""
+        """Return the figure with its four panels, or with the named ones; see `map_figure`."""
         from indent_sim.fitting import map_picture
 
         config = config_from_mapping(self.entry["request"]["scene"])

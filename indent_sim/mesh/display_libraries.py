@@ -78,7 +78,7 @@ def _unresolved_library(error: OSError) -> str:
 
 
 def _can_be_mended(name: str) -> bool:
-    """Return whether a library can be replaced, or loaded without the functions of the display."""
+    """Return whether a library can be replaced, or loaded without the display functions."""
     return (
         (name in DISPLAY_LIBRARIES or "libgmsh" in name)
         and sys.platform == "linux"

@@ -128,7 +128,7 @@ def draw_section(gmsh: Gmsh, domain: ModelDomain, sizes: Sizes) -> None:
     geo.synchronize()
 
 
-Corner = tuple[tuple[float, ...], int]  # Position of a corner, and its tag in gmsh.
+Corner = tuple[tuple[float, ...], int]  # Position of a point, and its tag in gmsh.
 
 
 def _draw_interface(geo: Gmsh, domain: ModelDomain, right: Corner, left: Corner) -> list[int]:

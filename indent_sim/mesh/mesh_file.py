@@ -38,7 +38,8 @@ MAX_MESH_BYTES = 2 * 10**9
 # Limits of CPU time [s] and memory [bytes] for reading: a constant, and an amount per byte.
 READING_SECONDS = (10.0, 3e-6)
 READING_MEMORY = (500e6, 100.0)
-CELL_KINDS = {1: "lines", 2: "triangles", 3: "tetrahedra"}  # Keys are dimensions.
+# Names of the cells, by their dimension.
+CELL_KINDS = {1: "lines", 2: "triangles", 3: "tetrahedra"}
 CELL_VERTICES = {"line": 2, "triangle": 3, "tetra": 4, "line3": 2, "triangle6": 3, "tetra10": 4}
 VTK_EDGES = {  # Edges with midside nodes by the number of vertices, in the order of VTK.
     2: [(0, 1)],
@@ -77,7 +78,7 @@ class MeshFile:
     def names_text(self) -> str:
         """Names of the groups and point sets in the file, for messages."""
         names = sorted({*self.groups, *self.point_sets})
-        # Names of a file that a message lists.
+        # Largest number of names of a file that a message lists.
         max_names = 12
         listed_names = _quote(", ".join(names[:max_names])) + (
             " and more" if len(names) > max_names else ""
@@ -271,7 +272,7 @@ def _read_and_convert(version: MeshFileVersion, convert: Callable[[MeshFile], T]
     except Exception as failure:  # Readers of meshio raise exceptions of any type.
         message = str(failure) or "it is empty or truncated"
         if isinstance(failure, KeyError):
-            # The key may be the number of a cell type.
+            # The missing key of this KeyError may be the number of a cell type.
             message = f"it contains an unknown keyword or cell type, {failure}"
         problem = f"'{version.name}' is not a mesh that can be read: {_quote(message)}"
         raise mesh_file_error(problem, "write it again, for example in gmsh's format 4.1") from None

@@ -176,8 +176,8 @@ class ModelDomain:
     regions
         Layers from the top to the base, then inclusions.
     supports
-        free | roller | fixed by surface. Surfaces without an entry are free; mirror planes are
-        rollers.
+        free | roller | fixed | unbonded by surface. Surfaces without an entry are free; mirror
+        planes are rollers. An unbonded base rests on a rigid flat and may lift off.
     pins
         Points and displacement components that are constrained to remove rigid-body modes.
     mirror_axes
@@ -335,6 +335,11 @@ class ModelDomain:
             if distance <= mirror_distance
         }
         return {wall for wall in walls_at_axis if self.supports.get(wall) == "roller"}
+
+    @property
+    def rests_on_flat(self) -> bool:
+        """True if the body rests on a rigid flat without a bond."""
+        return self.supports.get("base") == "unbonded"
 
     @property
     def mirror_planes(self) -> tuple[str, ...]:

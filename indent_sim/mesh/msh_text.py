@@ -12,8 +12,10 @@ from indent_sim.mesh.grid import Grid, row_slices
 from indent_sim.mesh.simplices import edge_keys
 from indent_sim.model.imported_body import MeshSurfaces
 
-ROWS_WRITTEN_AT_ONCE = 10**4  # Lines of text that are held in memory while a file is written.
-GMSH_TYPE = {(1, 1): 1, (2, 1): 2, (3, 1): 4, (2, 2): 9, (3, 2): 11}  # Keys: dimension, order.
+# Number of lines of text that are held in memory while a file is written.
+ROWS_WRITTEN_AT_ONCE = 10**4
+# Element types of gmsh, by dimension and order.
+GMSH_TYPE = {(1, 1): 1, (2, 1): 2, (3, 1): 4, (2, 2): 9, (3, 2): 11}
 
 
 def msh_text_parts(

@@ -23,6 +23,8 @@ def bearing_surfaces(domain: ModelDomain) -> list[SurfaceComponent]:
     A curved roller wall in three dimensions constrains the displacement along its normal only.
     """
     surfaces = [(surface, component) for component, surface in domain.constrained_components]
+    if domain.rests_on_flat:
+        surfaces += [("base", domain.dim - 1)]
     if domain.has_curved_roller:
         surfaces += [("r_max", component) for component in (0, 1)]
     return surfaces

@@ -33,6 +33,10 @@ def size_formula(sizes: Sizes, dim: int) -> str:
     for radius, point_depth, point_size in sizes.refinement_points:
         distance = f"Sqrt(({r}-{number(radius)})^2+({depth}-{number(point_depth)})^2)"
         size = _minimum(size, f"{number(point_size)}+{number(sizes.grading)}*{distance}")
+    if below := sizes.base_contact:
+        outside_base = _positive_part(f"({r}-{number(below.radius)})")
+        distance = f"Sqrt({outside_base}^2+({depth}-{number(below.depth)})^2)"
+        size = _minimum(size, f"{number(below.h)}+{number(sizes.grading)}*{distance}")
     if sizes.rounded_edge_width and sizes.h_edge is not None:
         edge_center, edge_half_width = map(number, sizes._rounded_edge)
         edge_distance = _positive_part(f"(Abs({r}-({edge_center}))-{edge_half_width})")

@@ -39,6 +39,25 @@ class DrainedFace:
 
 
 @dataclass(frozen=True)
+class BaseContact:
+    """Finely meshed part of the base, where the body touches the flat on which it rests.
+
+    Attributes
+    ----------
+    depth
+        Depth of the flat below the apex [length].
+    radius
+        Radius of the finely meshed part [length].
+    h
+        Size of its elements [length].
+    """
+
+    depth: float
+    radius: float
+    h: float
+
+
+@dataclass(frozen=True)
 class Sizes:
     """Element sizes of a mesh [length] as a function of position.
 
@@ -73,6 +92,8 @@ class Sizes:
         whole edge.
     refinements
         Number of uniform refinements of a mesh from a file; None if gmsh meshes the body.
+    base_contact
+        Contact with a flat below; None if the body does not rest on one.
     axis
         Position (x, y) of the tip's axis; of the middle of the contact under a tilted tip.
     elongation
@@ -104,6 +125,7 @@ class Sizes:
     refinements: int | None = None
     elongation: float = 1.0
     edge_tilt: tuple[float, float] | None = None
+    base_contact: BaseContact | None = None
     axis: tuple[float, ...] = field(kw_only=True)
     track: TipTrack | None = None
 
@@ -130,8 +152,14 @@ class Sizes:
             self.axis_size,
             self.h_edge or self.axis_size,
             self.h_corner or self.axis_size,
+            self.h_base or self.axis_size,
             *local_sizes,
         )
+
+    @property
+    def h_base(self) -> float | None:
+        """Element size in the contact with a flat below [length]; None without one."""
+        return self.base_contact.h if self.base_contact else None
 
     @property
     def refinement_points(self) -> list[tuple[float, float, float]]:
@@ -164,6 +192,9 @@ class Sizes:
             size = np.minimum(
                 size, point_size + self.grading * np.hypot(r - radius, depth - point_depth)
             )
+        if below := self.base_contact:
+            distance = np.hypot(np.maximum(r - below.radius, 0.0), depth - below.depth)
+            size = np.minimum(size, below.h + self.grading * distance)
         if self.rounded_edge_width and self.punch_edge is not None and self.h_edge is not None:
             edge_center, edge_half_width = self._rounded_edge
             edge_distance = np.maximum(np.abs(r - edge_center) - edge_half_width, 0.0)

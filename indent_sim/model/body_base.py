@@ -8,6 +8,7 @@ import numpy as np
 
 Support = Literal["free", "roller", "fixed"]
 BaseSupport = Literal["fixed", "roller"]
+RestingSupport = Literal["fixed", "roller", "unbonded"]
 Points = tuple[np.ndarray, np.ndarray]  # x and y [length]
 # Midpoints of so many equal intervals along each axis give the mean of a paraboloid to 1e-5.
 POINTS_PER_AXIS = 400

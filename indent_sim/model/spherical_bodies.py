@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 from annotated_types import Gt, Lt
 
-from indent_sim.model.body_base import BaseSupport, CenteredBody, RoundBody
+from indent_sim.model.body_base import CenteredBody, RestingSupport, RoundBody
 from indent_sim.model.inclusions import Inclusion, Inclusions
 from indent_sim.model.layers import Layers
 from indent_sim.model.units import (
@@ -24,14 +24,14 @@ ContactAngle = Annotated[float, Gt(0), Lt(180), ANGLE]
 class SphericalBody(RoundBody):
     """Part of a ball between its apex at z = 0 and the base plane z = -height [length].
 
-    A whole ball (height = 2 radius) is supported below the equator instead. For `contacts_per_body`
-    see `Scales`.
+    A whole ball (height = 2 radius) is supported below the equator instead. An unbonded body rests
+    on a rigid flat, without friction, and may lift off. For `contacts_per_body` see `Scales`.
     """
 
     radius: Length
     height: Length
     shape: Literal["cap", "ball"]
-    base: BaseSupport = "fixed"
+    base: RestingSupport = "fixed"
     contacts_per_body: int = 1
     inclusions: Inclusions | None = None
 
@@ -46,6 +46,16 @@ class SphericalBody(RoundBody):
             if self.height == 2 * self.radius
             else min(self.height, 2 * self.radius - self.height)
         )
+
+    @property
+    def is_whole(self) -> bool:
+        """True if the body is a whole ball."""
+        return self.height == 2 * self.radius
+
+    @property
+    def rests_on_flat(self) -> bool:
+        """True if the body rests on a rigid flat without a bond."""
+        return self.base == "unbonded"
 
     @property
     def base_edge(self) -> tuple[float, float]:
@@ -73,14 +83,15 @@ class Cap(CenteredBody):
     Either `height` or `contact_angle` [degrees] is given, the angle between base and surface inside
     the body: height = base_radius tan(contact_angle/2). Beyond 90 degrees the body is wider than
     the base. Layers are concentric coatings of constant thickness from the curved surface inwards;
-    the last one is the core and takes no thickness.
+    the last one is the core and takes no thickness. base "unbonded": the cap rests on a rigid flat
+    without friction, and its base may lift off.
     """
 
     base_radius: Length
     height: Length | None = None
     contact_angle: ContactAngle | None = None
     shape: Literal["cap"] = "cap"
-    base: BaseSupport = "fixed"
+    base: RestingSupport = "fixed"
     layers: Layers | None = None
     inclusions: Inclusions | None = None
     surface_tension: SurfaceTension = 0.0
@@ -105,13 +116,14 @@ class Ball(CenteredBody):
     base "roller": the plane through the center is a mirror plane, and an equal tip pushes up from
     below. `delta` is the approach of the two tips; an inclusion lies above the mirror plane and has
     a mirror image below it, or is centered on it. base "fixed": the lower half of the surface is
-    bonded to a rigid support. Layers are concentric coatings from the surface inwards; the last
-    one, the core, has no thickness.
+    bonded to a rigid support. base "unbonded": the ball rests on a rigid flat without friction, in
+    a second contact with a radius of its own. Layers are concentric coatings from the surface
+    inwards; the last one, the core, has no thickness.
     """
 
     radius: Length
     shape: Literal["ball"] = "ball"
-    base: BaseSupport = "roller"
+    base: RestingSupport = "roller"
     layers: Layers | None = None
     inclusions: Inclusions | None = None
     surface_tension: SurfaceTension = 0.0

@@ -24,6 +24,8 @@ SLIDE_COLUMNS = ("slide",)
 FLUID_COLUMNS = ("outflow", "pore_pressure_max")
 # Columns of scenes with a soft tip.
 SOFT_TIP_COLUMNS = ("tip_sink", "tip_energy")
+# Columns of bodies that rest on a flat without a bond.
+RESTING_COLUMNS = ("a_base", "base_approach")
 ERROR_COLUMNS = (
     "force_error",
     "a_error",
@@ -189,6 +191,11 @@ class State:
         Depth by which the apex of a soft tip is pressed in, a part of delta [length].
     tip_energy
         Strain energy of a soft tip, a part of `energy` [energy].
+    a_base
+        Radius of the contact with the flat on which a body rests [length].
+    base_approach
+        Motion of the point at half of the height of such a body towards the flat, a part of delta
+        [length].
     moved
         Volume of fluid that has moved, within the body or out of it [length^3].
     unbalanced
@@ -249,6 +256,8 @@ class State:
     pore_pressure_max: float | None = None
     tip_sink: float | None = None
     tip_energy: float | None = None
+    a_base: float | None = None
+    base_approach: float | None = None
     moved: float = 0.0
     unbalanced: float = 0.0
     drained: np.ndarray | None = field(default=None, repr=False, compare=False)
@@ -348,7 +357,7 @@ def _field_units(scales: Scales) -> dict[str, float]:
         "tip_sink",
         "x_contact",
     )
-    units |= dict.fromkeys(lengths, L)
+    units |= dict.fromkeys((*lengths, *RESTING_COLUMNS), L)
     units["moment"] = F * L
     units |= dict.fromkeys(("energy", "tip_energy", "dissipation"), energy)
     units |= dict.fromkeys(("outflow", "moved", "unbalanced"), energy / P)

@@ -47,15 +47,15 @@ units.force: label of the force unit, for example N
 
 ## Body
 shape: shape of the body or tip, which determines the other keys of the section
-radius [length] $r_0$: radius of the cylinder, of the ball, or of the flat punch
+radius [length] $r_0$: radius of the cylinder, of the ball, of the flat punch, or of a soft plate
 height [length] $h$: thickness of the body; it occupies -height <= z <= 0
 width [length] $w$: width of the strip; it occupies 0 <= x <= width, in plane strain
 base_radius [length] $b$: radius of the flat side on which a cap stands
 contact_angle [degrees] $\theta$: contact angle of a cap, between base and curved surface; instead
   of `height`
 size [length] $(l_x, l_y, l_z)$: edges of the box [0, l_x] x [0, l_y] x [-l_z, 0]
-base: support of the lower face; roller: slides without friction, does not lift; for a ball see
-  docs/conventions.md
+base: support of the lower face; roller: slides without friction, does not lift; unbonded (cap,
+  ball): rests on a rigid flat and may lift; for a ball see docs/conventions.md
 sides: support of the walls; roller: no normal displacement
 surfaces.contact: name in the file of the surface that the tip may touch; default: the faces that
   face up
@@ -155,7 +155,7 @@ points [length] $(r_i, z_i)$: points [r, z] of the profile from the apex [0, 0] 
 edge_radius [length] $\rho$: radius that rounds the edge of the flat punch; 0: sharp
 indenter.material: linear elastic law of a soft tip; default: the tip is rigid
 indenter.thickness [length]: thickness of a soft tip: distance from its lowest point to the rigid
-  holder to which it is bonded, at most R; default: R, half a ball
+  holder to which it is bonded, of a sphere or paraboloid at most R, by default R, half a ball
 center [length] $(x_0, y_0)$: position of the tip's axis, [x, y], for a strip [x]; default: axis of
   the cylinder, middle of the box or strip. Of a tilted tip: of its lowest point, of a flat punch of
   the middle of its face
@@ -216,6 +216,9 @@ outflow [length^3]: fluid that has left the whole body since the undeformed stat
 pore_pressure_max [pressure]: largest pore pressure, relative to the bath
 tip_sink [length]: part of delta by which the lowest point of a soft tip is pressed in
 tip_energy [energy]: part of the energy that is stored in a soft tip
+a_base [length]: radius of the contact with the flat on which the body rests without a bond
+base_approach [length]: part of delta by which the point at half of the height of such a body
+  approaches the flat
 drained: for an increment without duration of a body that drains: element height and p^2 times area
   at each vertex of a drained face; used only by the error estimate, not written to a file
 moved [length^3]: volume of fluid that has moved, within the body or out of it

@@ -69,13 +69,32 @@ class Lens:
         return float(sqrt(self.thickness * (2 * self.radius - self.thickness)))
 
 
+@dataclass(frozen=True)
+class SoftCylinder:
+    """Elastic part of a soft tip: a cylinder with free sides, bonded to a rigid holder above.
+
+    Attributes
+    ----------
+    radius
+        Radius [length].
+    thickness
+        Distance of the holder from the lower face [length].
+    material
+        Its linear elastic law, defined by E and nu.
+    """
+
+    radius: float
+    thickness: float
+    material: LinearElastic
+
+
 class _Tip:
     """Base class of all tips; the defaults describe a smooth surface of revolution."""
 
     is_axisymmetric: ClassVar[bool] = True
 
     @property
-    def lens(self) -> Lens | None:
+    def lens(self) -> Lens | SoftCylinder | None:
         """The elastic part of the tip; None if the tip is rigid."""
         return None
 
@@ -382,17 +401,37 @@ class Hyperboloid(_Tip):
         return self._strain_of_slope(a)
 
 
+class _FlatTip(_Tip):
+    """Base class of flat punch and plate, which may be soft.
+
+    A soft tip is a cylinder of the given radius and `thickness` with a linear elastic `material`.
+    """
+
+    radius: Any
+    material: Any
+    thickness: Any
+
+    @property
+    def lens(self) -> SoftCylinder | None:
+        """The elastic part of the tip; None if the tip is rigid."""
+        if self.material is None:
+            return None
+        return SoftCylinder(self.radius, self.thickness, self.material.canonical())
+
+
 @dataclass(frozen=True)
-class FlatPunch(_Tip):
+class FlatPunch(_FlatTip):
     """Flat punch f = 0 for r <= radius; no contact at larger r.
 
     With edge_radius > 0 the edge is a quarter circle; with edge_radius = radius the punch is a rod
-    with a hemispherical end.
+    with a hemispherical end. With `material` the tip is soft: a cylinder of this `thickness`.
     """
 
     radius: Length
     edge_radius: LengthOrZero = 0.0
     shape: Literal["flat_punch"] = "flat_punch"
+    material: TipMaterial = None
+    thickness: Length | None = None
 
     def height(self, x: Expr, y: Expr) -> Expr:
         """Return the height f(x, y) of the surface above the apex [length]."""
@@ -440,10 +479,16 @@ class FlatPunch(_Tip):
 
 
 @dataclass(frozen=True)
-class Plate(_Tip):
-    """Rigid plane, f = 0 everywhere, which compresses a body over its whole flat top."""
+class Plate(_FlatTip):
+    """Plane, f = 0 everywhere, which compresses a body over its whole flat top.
 
+    With `material` the plate is soft: a cylinder of the given `radius` and `thickness`.
+    """
+
+    radius: Length | None = None
     shape: Literal["plate"] = "plate"
+    material: TipMaterial = None
+    thickness: Length | None = None
 
     def height(self, x: Expr, y: Expr) -> Expr:
         """Return the height f(x, y) = 0 of the surface [length]."""

@@ -106,7 +106,7 @@ class ChildProcess:
         self._is_busy = True
         process = self._process
         assert process is not None and process.stdin is not None
-        # A process that has just crashed is reported when its answer is received.
+        # A crash of the process at this time is reported when its answer is received.
         with suppress(BrokenPipeError):
             pickle.dump((function, arguments), process.stdin, pickle.HIGHEST_PROTOCOL)
             process.stdin.flush()
@@ -127,7 +127,7 @@ class ChildProcess:
         atexit.unregister(self.stop)
         process.kill()
         assert process.stdin is not None and process.stdout is not None
-        # A call that the process has not read is lost.
+        # A call that the process has not read yet is lost.
         with suppress(BrokenPipeError):
             process.stdin.close()
         process.stdout.close()
@@ -146,7 +146,8 @@ class ChildProcess:
             self.stop()
             raise crash from None
         except BaseException:
-            # After a signal, or without memory for the answer, nobody waits for it any more.
+            # After a signal, or if there is no memory for the answer, the parent no longer waits
+            # for it.
             self.stop()
             raise
         self._is_busy = False
@@ -274,7 +275,7 @@ def _serve_calls() -> None:
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
     for module in sys.argv[1:]:
-        # The first call reports what is missing.
+        # If a module is missing, the first call reports it.
         with suppress(ImportError, OSError):
             import_module(module)
     idle_memory = usage.current_memory()

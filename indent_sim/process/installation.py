@@ -1,4 +1,4 @@
-"""How the program was installed, and the one command that installs a missing part of it."""
+"""Installation of the program, and the command that installs a missing part of it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pathlib import Path
 from urllib.parse import unquote, urlsplit
 from urllib.request import url2pathname
 
-# Packages that solve a scene on a mesh; no scene by theory and no fit by theory needs them.
+# Packages that solve a scene on a mesh. Scenes and fits by theory do not need them.
 SOLVER_PACKAGES = ("mpi4py", "petsc4py", "ufl", "dolfinx", "gmsh")
 CONDA_PACKAGES = "fenics-dolfinx=0.11 'petsc=*=real*' python-gmsh mpich"
 # File that scripts/setup writes into its virtual environment.
@@ -48,7 +48,8 @@ def solver_command() -> str:
     if is_made_by_setup():
         return "make setup"
     if sys.platform == "win32":
-        # A folder of Windows has another name in this Linux.
+        # The folder of the program has another name in this Linux, so that the package is named
+        # instead.
         return "wsl --install, and in its Linux: pip install 'indent-sim[solver]'"
     if (Path(sys.prefix) / "conda-meta").is_dir():
         return f"conda install -c conda-forge {CONDA_PACKAGES}"

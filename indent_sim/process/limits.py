@@ -50,13 +50,13 @@ def require_resources() -> None:
     _require_limit("processes and threads", "ulimit -u", "NPROC", min_tasks)
     folder = Path(os.environ.get("TMPDIR") or "/tmp")
     if not folder.is_dir():
-        return  # Libraries create a missing folder, or use another one.
-    # Commands without a run do not need this module.
+        return  # The libraries create a missing folder, or use another one.
+    # This module is imported here because commands without a run do not need it.
     import tempfile
 
     try:
         with tempfile.TemporaryFile(dir=folder) as file:
-            # Open MPI keeps the files of its session there.
+            # Open MPI writes the files of its session into this folder; 1 MB suffices for them.
             file.write(bytes(2**20))
             file.flush()
     except OSError as error:

@@ -1,4 +1,4 @@
-"""What the operating system says about this process and the machine: limits and memory.
+"""Limits and memory of this process and of the machine, as the operating system reports them.
 
 Windows has no limits of a process. Memory is in bytes on all systems.
 """

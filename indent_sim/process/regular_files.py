@@ -1,4 +1,4 @@
-"""Opening of regular files: no pipe is waited for, no link followed where none is expected."""
+"""Opening of regular files only: not of pipes, whose reading may never end, nor of links."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from typing import BinaryIO
 
 # Characters that the name of a file cannot contain.
 FORBIDDEN_IN_NAMES = '/<>:"\\|?*' if os.name == "nt" else "/"
-# Flags of os.open that some systems do not have; there they are 0. A pipe is opened without waiting
-# for its other end.
+# Flags of os.open that some systems do not have; there they are 0. With O_NONBLOCK a pipe is opened
+# without waiting for its other end.
 _NO_WAIT: int = getattr(os, "O_NONBLOCK", 0)
 _NO_LINK: int = getattr(os, "O_NOFOLLOW", 0)
 # Windows changes line ends of files that are not opened as binary ones.

@@ -12,13 +12,14 @@ from typing import Any
 
 
 def _known_signals(*names: str) -> tuple[signal.Signals, ...]:
-    """Return the signals of these names that the system has."""
+    """Return those of the named signals that the system has."""
     return tuple(signal.Signals[name] for name in names if name in signal.Signals.__members__)
 
 
 # Windows has no SIGHUP, and sends SIGBREAK when the window of a console is closed.
 STOP_SIGNALS = _known_signals("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")
-# A process that one of these signals has ended was stopped from outside, or used too much.
+# If one of these signals has ended a process, it was stopped from outside, or used too much time or
+# memory.
 MACHINE_SIGNALS = _known_signals("SIGHUP", "SIGINT", "SIGBUS", "SIGKILL", "SIGTERM", "SIGXCPU")
 
 
@@ -35,8 +36,8 @@ class Interrupted(KeyboardInterrupt):
         return Interrupted, (self.number,)
 
 
-# Signals belong to the whole process, and so does this state.
-# Signals that raised Interrupted in the outermost block of `raise_on_signals`.
+# Signals belong to the whole process, and so does this state: the signals that raised Interrupted
+# in the outermost block of `raise_on_signals`.
 _raised_signals: list[int] = []
 # Signals that arrived in each of the nested blocks of `defer_signals`.
 _deferred_signals: list[list[int]] = []

@@ -32,7 +32,7 @@ class ChildUsage:
         self.memory = max(self.memory, memory)
 
 
-# It belongs to the whole process, like the CPU time that the operating system counts.
+# This variable belongs to the whole process, like the CPU time that the operating system counts.
 CHILD_USAGE = ChildUsage()
 
 

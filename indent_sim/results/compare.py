@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from indent_sim.model.state import SLIDE_COLUMNS
 from indent_sim.process.errors import UsageError, VerificationError
 from indent_sim.results.csv_table import header_of, read_table
 from indent_sim.results.reader import (
@@ -86,7 +87,7 @@ class Comparison:
     def check(self) -> None:
         """Raise VerificationError if the two tables differ."""
         if self.differences:
-            # A message lists no more differences than these.
+            # Largest number of differences in a message.
             max_differences = 10
             remaining = len(self.differences) - max_differences
             lines = [
@@ -198,7 +199,8 @@ def _compare_tables(
     """Compare two tables in the requested columns that both have."""
     key = next((name for name in ("step", "row") if name in A and name in B), "delta")
     _refuse_missing(key, dict(zip(map(str, paths), (A, B), strict=True)))
-    default_columns = [name for name in (A if key == "row" else COMPARED_COLUMNS) if name != "row"]
+    compared_columns = A if key == "row" else (*COMPARED_COLUMNS, *SLIDE_COLUMNS)
+    default_columns = [name for name in compared_columns if name != "row"]
     tolerances = {
         name: r
         for name, r in _column_tolerances(rtol, columns, default_columns).items()
@@ -225,7 +227,11 @@ def _compare_tables(
         "t": place_rtol,
     }[abscissa]
     compare_interpolated = _compare_by_time if has_times else _compare_by_depth
-    is_matched = key == "row" or _is_matched(A, B, matched_A, matched_B, abscissa, abscissa_rtol)
+    # The rows of a tip that slides have one depth, in which nothing can be interpolated
+    slides = any(name in table for name in SLIDE_COLUMNS for table in (A, B))
+    is_matched = (
+        key == "row" or slides or _is_matched(A, B, matched_A, matched_B, abscissa, abscissa_rtol)
+    )
     if not is_matched and (comparison := compare_interpolated(paths, A, B, tolerances)):
         return comparison
     if not len(keys):
@@ -277,7 +283,7 @@ def _is_matched(
     a = A[abscissa][matched_A]
     b = B[abscissa][matched_B]
     is_close = np.isclose(a, b, rtol=rtol, atol=0.0, equal_nan=True)
-    # Rows are matched by name if at least half of them are at the same depth or time.
+    # Rows are matched by step if at least half of them are at the same depth or time.
     min_fraction = 0.5
     if "step" in A and "step" in B:
         return bool(is_close.mean() >= min_fraction)

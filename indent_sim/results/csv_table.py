@@ -13,14 +13,14 @@ from indent_sim.results import tables
 from indent_sim.results.atomic_files import read_regular_file
 from indent_sim.results.tables import EXPERIMENT
 
-LARGEST_NUMBER = 1e150  # Its square is still a finite double.
+LARGEST_NUMBER = 1e150  # Largest number of a table; its square is still a finite double.
 
 
 def header_of(path: Path) -> list[str]:
     """Return the titles in the first line of a comma-separated file; empty if it cannot be read."""
     try:
         with open_regular_file(path) as file:
-            # Longer first lines are not those of a table of results.
+            # A longer first line does not belong to a table of results.
             max_header_bytes = 10_000
             line = file.read(max_header_bytes).split(b"\n")[0]
     except OSError:

@@ -22,8 +22,8 @@ ARRAYS: ArrayLayouts = TIP_ARRAYS | {
     "J": ("Cell", "Scalar", ()),
     "energy_density": ("Cell", "Scalar", ()),
 }
-# Arrays of some bodies only: shear with friction, pore pressure and fluid content with fluid in the
-# pores, swelling of gels, and stresses at the nodes if they are requested.
+# Arrays of some bodies only: shear traction (with friction), pore pressure and fluid content (with
+# fluid in the pores), swelling (gels), and stresses at the nodes (if requested).
 OPTIONAL_ARRAYS: ArrayLayouts = {
     "shear": ("Node", "Scalar", ()),
     "pore_pressure": ("Node", "Scalar", ()),

@@ -4,8 +4,8 @@ fields/ holds the mesh and every kept state in one HDF5 file each. A file is cre
 written under a temporary name and renamed, because the HDF5 library does not recover from a full
 disk. fields.xdmf refers to a state as soon as its file exists. If all states are kept, each one is
 inserted before the closing tags in one write, so that the total number of written bytes is
-proportional to the number of states. tip.xdmf describes the rigid tip on a separate mesh: points at
-first contact, and displacement.
+proportional to the number of states. tip.xdmf describes the tip on a separate mesh: points at
+first contact, and displacement, which deforms a soft tip.
 """
 
 from __future__ import annotations
@@ -137,7 +137,8 @@ class FieldWriter:
         delta
             Indentation depth [length].
         fields
-            Values by name; the displacement is (n, 2) or (n, 3).
+            Values by name; the displacement is (n, 2) or (n, 3). `tip_lift` is the displacement of
+            the points of a soft tip towards its holder [length].
         t
             Time of the state; if it is None, the step is used as the time.
         slide
@@ -153,7 +154,8 @@ class FieldWriter:
             name: np.reshape(values[name], self._array_shape(name)).astype("<f8")
             for name in self._arrays
         }
-        arrays["tip_displacement"] = self._tip.displacement(delta, slide).astype("<f8")
+        lift = fields.get("tip_lift", 0.0)
+        arrays["tip_displacement"] = self._tip.displacement(delta, slide, lift).astype("<f8")
         write_atomically(self._fields_folder / step_file(step), _hdf5_bytes(arrays), sync=False)
         self._last_time = (
             float(step) if t is None else max(t, np.nextafter(self._last_time, np.inf))

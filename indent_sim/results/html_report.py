@@ -125,7 +125,7 @@ def thinned_table(
     words
         A sentence about the table.
     """
-    # A longer table is thinned.
+    # Largest number of rows that are shown.
     max_rows = 100
     kept_rows = np.linspace(0, len(rows) - 1, min(max_rows, len(rows))).round().astype(int)
     row_count_text = f"{len(kept_rows)} of {len(rows)} rows. " if len(kept_rows) < len(rows) else ""

@@ -24,7 +24,7 @@ class MemoryFolder:
     Parameters
     ----------
     target
-        Path of the results, which exists only as a name.
+        Path of the results; nothing is written there.
     config_yaml
         The resolved scene; not kept.
     report

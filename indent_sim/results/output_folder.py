@@ -93,7 +93,7 @@ class OutputFolder:
         try:
             descriptor = _open_locked(self.target / LOCK, self.target)
             _sign_lock(descriptor)
-            # A killed write may have left a temporary file.
+            # A run that was killed while it wrote may have left a temporary file.
             for name in RESULT_FILES:
                 temporary_path(self.target / name).unlink(missing_ok=True)
             for path in field_files(self.target / FIELDS_FOLDER):
@@ -113,7 +113,8 @@ class OutputFolder:
         self._refuse_target()
         if not OPEN_FILES_CAN_MOVE:
             self._close_lock()
-            # Such a system renames no folder to the name of an existing one, even of an empty one.
+            # Such a system cannot rename a folder to the name of an existing folder, even an empty
+            # one.
             with suppress(OSError):
                 self.target.rmdir()
         # The working directory and its parents must not be renamed and deleted.
@@ -185,7 +186,8 @@ class OutputFolder:
 
     def _create_staging_folder(self) -> None:
         """Create and lock the staging folder; delete the files that a killed run has left in it."""
-        # Another run may rename or delete the folder between two of these lines: then try again.
+        # Another run may rename or delete the folder between two of these steps; they are then
+        # repeated.
         for _ in range(20):
             with suppress(FileExistsError):
                 self.path.mkdir()
@@ -211,17 +213,18 @@ class OutputFolder:
             unused = path == self.path and not path.is_symlink() and folder_kind(path) == "nothing"
             if os.path.lexists(path) and not (is_own_folder(path) or unused):
                 raise UsageError(
-                    f"{path} is in the way and was not made by {PROGRAM}; choose another --output"
+                    f"{path} is needed for a temporary folder, but was not made by {PROGRAM}; "
+                    "choose another --output"
                 )
 
     def _refuse_target(self) -> None:
         """Raise UsageError if the target is foreign, in use, or not to be replaced."""
-        # While the old folder exists, a killed run's replacement is unfinished, and the target may
-        # hold anything of both runs.
+        # If the old folder still exists, a run was killed while it replaced the target, which may
+        # then contain files of both runs.
         if not self._old_folder.is_dir():
             refuse_foreign(self.target)
             self._check_replaceable(self.target)
-        # Nothing can be locked if there is no lock file, or if it may not be opened.
+        # No process holds a lock if there is no lock file, or if it must not be opened.
         with suppress(OSError):
             os.close(_open_locked(self.target / LOCK, self.target, 0))
 
@@ -237,7 +240,7 @@ class OutputFolder:
             self._delete_old()
         # The old folder still has its own lock unless the entries were moved one by one.
         elif not self.target.exists() or not is_own_lock(self._old_folder / LOCK):
-            if self.target.exists():  # An empty folder was made there since.
+            if self.target.exists():  # Since then an empty folder was created at the target.
                 refuse_foreign(self.target)
                 self.target.rmdir()
             os.rename(self._old_folder, self.target)
@@ -256,7 +259,7 @@ class OutputFolder:
 
     def _rename_entries(self) -> None:
         """Replace the target's entries one by one, if the folder itself cannot be renamed."""
-        # The folder gets its lock, which marks it as this program's, before it gets its name.
+        # The folder gets its lock, which marks it as one of this program, before it gets its name.
         new_old_folder = self.path / ".old"
         new_old_folder.mkdir()
         (new_old_folder / LOCK).write_bytes(LOCK_SIGNATURE)

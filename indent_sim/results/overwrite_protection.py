@@ -22,12 +22,12 @@ from indent_sim.results.result_files import (
     read_report,
 )
 
-MAX_DIFFERENCES = 5  # A message names no more differences than these.
+MAX_DIFFERENCES = 5  # Largest number of differences in a message.
 
 
 def is_finished(report: Report) -> bool:
     """Return whether the run that wrote a run.json has computed all rows."""
-    # A run with one of these exit codes has all its rows; 6 means less accurate than required.
+    # Exit codes of runs that have all their rows; 6 means that the required accuracy was missed.
     complete_exit_codes = (0, 6)
     return (
         report.get("status") in ("done", "failed")
@@ -107,7 +107,7 @@ def scene_differences(
     old_values["accuracy"] = old_options.get("accuracy")
     new_values["accuracy"] = new_options.get("accuracy")
     differences = []
-    # These keys change neither the numbers nor which of them are kept.
+    # These keys change neither the numbers nor the selection of the written numbers.
     ignored_keys = ("title", "output.directory", "output.plot")
     for key in {**old_values, **new_values}:
         is_ignored = (

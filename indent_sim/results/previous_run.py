@@ -129,7 +129,9 @@ def previous_run(
         ) from error
     except UnicodeDecodeError as error:
         raise UsageError(
-            f"{folder} has a {CONFIG} or {TABLE} that is not text", RUN_AGAIN_REMEDY, str(folder)
+            f"{folder} contains a {CONFIG} or {TABLE} that is not text",
+            RUN_AGAIN_REMEDY,
+            str(folder),
         ) from error
     except OSError as error:
         raise UsageError(
@@ -182,10 +184,11 @@ def _refuse_other_config(
     documents = [parse(text, str(folder / CONFIG))[0] for text in (old_yaml, new_yaml)]
     old_values, new_values = (dict(leaf_values(document)) for document in documents)
     for path, (problem, remedy) in REMOVED_KEYS.items():
-        if path[-1] in (documents[0].get(path[0]) or {}):
+        removed_key = key_text(path)
+        if any(f"{key}.".startswith((f"{removed_key}.", f"{removed_key}[")) for key in old_values):
             remedy_text = f"give --overwrite in place of --resume to replace it; {remedy}"
             raise ConfigError(
-                key_text(path), f"{problem}; {folder} contains a run with this key", remedy_text
+                removed_key, f"{problem}; {folder} contains a run with this key", remedy_text
             )
     differing_keys = [
         key for key in {**new_values, **old_values} if old_values.get(key) != new_values.get(key)

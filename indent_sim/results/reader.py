@@ -23,6 +23,7 @@ from indent_sim.model.state import (
     FRICTION_COLUMNS,
     KRYLOV_COLUMNS,
     REACTION_COLUMNS,
+    RESTING_COLUMNS,
     SLIDE_COLUMNS,
     SOFT_TIP_COLUMNS,
     STATE_COLUMNS,
@@ -45,8 +46,8 @@ log = logging.getLogger("indent_sim")
 
 RUN_AGAIN_REMEDY = "run its scene again without --resume, or with another --output"
 COMPARED_COLUMNS = ("delta", "force", "a")
-MEASURED = "measured"  # This entry of a report marks a measured curve.
-# Not every run has these columns.
+MEASURED = "measured"  # Key of run.json that marks a measured curve.
+# Columns that only some runs have.
 OPTIONAL_COLUMNS = (
     *DERIVED_COLUMNS,
     *SLIDE_COLUMNS,
@@ -54,6 +55,7 @@ OPTIONAL_COLUMNS = (
     *FLUID_COLUMNS,
     *SOFT_TIP_COLUMNS,
     *TILT_COLUMNS,
+    *RESTING_COLUMNS,
     *KRYLOV_COLUMNS,
     *ERROR_COLUMNS,
     *TIME_COLUMNS,
@@ -71,6 +73,7 @@ RESULT_COLUMNS = tuple(
         *FLUID_COLUMNS,
         *SOFT_TIP_COLUMNS,
         *TILT_COLUMNS,
+        *RESTING_COLUMNS,
         *TIME_COLUMNS,
     )
     if name not in ("step", "wall_s", *WORD_COLUMNS)
@@ -230,7 +233,7 @@ def _read_curve_file(path: Path) -> Results:
     If the file has no depth, the displacement z of the base is used instead. What the reader
     guessed, such as the meaning of a column, is a warning.
     """
-    # This import loads the readers of all formats, which no run needs.
+    # This import loads the readers of all formats, which a simulation does not need.
     from indent_sim.results.measured.curve_file import read_curves
     from indent_sim.results.measured.measurement import NoCurve
 

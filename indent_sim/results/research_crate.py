@@ -40,7 +40,7 @@ MEDIA_TYPES = {
 def refuse_foreign_crate(folder: Path) -> None:
     """Raise UsageError if the folder has metadata that this program did not write."""
     if os.path.lexists(folder / CRATE) and not is_own_file(folder / CRATE):
-        raise UsageError(f"{folder / CRATE} was not made by {PROGRAM}", "move it away")
+        raise UsageError(f"{folder / CRATE} was not made by {PROGRAM}", "move it to another folder")
 
 
 def write_crate(folder: Path, parts: Sequence[str]) -> None:

@@ -31,10 +31,10 @@ STUDY = "study.json"
 RUNS = "runs"
 FIT = "fit.json"
 CURVES_FOLDER = "curves"
-REPORT_PAGE = "report.html"  # It is the report of a run, a study or a fit.
-CRATE = "ro-crate-metadata.json"  # Archives of research data read this file.
-MESH_FILE = "body.msh"  # It is the mesh of a body that was read from a file.
-OLD_FIELDS_FILE = "fields.h5"  # Version 0.1.0 wrote all fields into this file.
+REPORT_PAGE = "report.html"  # report of a run, a study or a fit as HTML page
+CRATE = "ro-crate-metadata.json"  # metadata for archives of research data
+MESH_FILE = "body.msh"  # mesh of a body that was read from a file
+OLD_FIELDS_FILE = "fields.h5"  # fields as version 0.1.0 wrote them, all in one file
 RESULT_FILES = {
     REPORT,
     TABLE,
@@ -52,10 +52,10 @@ RESULT_FILES = {
     CRATE,
     OLD_FIELDS_FILE,
 }
-# Files with common names are recognised by a signature at their begin; other programs do not write
-# the rest of RESULT_FILES.
+# Files with common names are recognised by a signature at their beginning. Other programs do not
+# write files with the other names of RESULT_FILES.
 PICTURE_SIGNATURE = b"Software\0indent-sim"
-# Signatures of those files which a run writes.
+# Signatures of the files that a run writes.
 RUN_FILE_SIGNATURES = {
     "force_indentation.png": PICTURE_SIGNATURE,
     "experiment.png": PICTURE_SIGNATURE,
@@ -66,10 +66,11 @@ FILE_SIGNATURES = RUN_FILE_SIGNATURES | {
     REPORT_PAGE: b'content="indent-sim ',
     CRATE: CRATE_SIGNATURE.encode(),
 }
-# Files of this program in the folder of fields; the second form is an unfinished write.
+# Names of files of this program in the folder of fields; the second form is that of unfinished
+# files.
 FIELDS_FOLDER = "fields"
 FIELD_FILE = re.compile(r"(mesh|step-\d+)\.h5|\.(mesh|step-\d+)\.h5\.new")
-LOCK_SIGNATURE = b"indent-sim\n"  # Lock files of this program begin with it.
+LOCK_SIGNATURE = b"indent-sim\n"  # Signature at the beginning of the lock files of this program.
 KeptStates = Literal["none", "last", "all"]
 Report = dict[str, Any]  # Content of run.json, study.json or fit.json.
 
@@ -290,7 +291,7 @@ def config_file_entries(file: str, folder: Path) -> dict[str, str]:
     try:
         from_folder = os.path.relpath(path, os.path.realpath(folder))
     except ValueError:
-        from_folder = path  # on another drive of Windows
+        from_folder = path  # The two paths are on different drives of Windows.
     return {"config": path, "config_from_here": from_folder}
 
 

@@ -31,8 +31,8 @@ def values_at_times(dense: Table, t: np.ndarray, names: Sequence[str]) -> tuple[
         Columns by name (n,), and a mask (n,) of the values that are linearly interpolated between
         two rows.
     """
-    # Two rows at a jump have the same time, and the later one may be the only one of a table.
-    # Occurrences are counted from the end, so that the rows after the jump are matched first.
+    # Two rows at a jump have the same time, and a table may have only the later one. Occurrences
+    # are counted from the end, so that the rows after the jump are matched first.
     reverse = slice(None, None, -1)
     rows = rows_by_occurrence(dense["t"][reverse])
     wanted_rows = rows_by_occurrence(t[reverse])

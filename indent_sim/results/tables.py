@@ -37,16 +37,16 @@ from indent_sim.results.atomic_files import write_atomically
 SURFACE = "surface.csv"
 EXPERIMENT = "experiment.csv"
 DYNAMIC = "dynamic.csv"
-WORD_COLUMNS = ("branch",)  # These columns contain words instead of numbers.
+WORD_COLUMNS = ("branch",)  # Columns that contain words instead of numbers.
 INTEGER_COLUMNS = ("step", "newton_iterations", *KRYLOV_COLUMNS)
-# These columns may be empty in histories, because a solution on the elastic curve of a body need
-# not give them.
+# Columns that may be empty in histories, because a solution on the elastic curve of a body need not
+# give them.
 UNKNOWN_IN_TIME = ("delta", "z", "a", "penetration", "energy", "calibration_error")
 MAY_BE_EMPTY = {"p_max", *DERIVED_COLUMNS, *ERROR_COLUMNS}
-# Theory gives no u_x, the pressure below a sharp apex or edge is infinite, and beyond the end of a
-# tip there is no gap.
+# Columns of the surface table that may be empty: theory gives no u_x, the pressure below a sharp
+# apex or edge is infinite, and beyond the end of a tip there is no gap.
 SURFACE_MAY_BE_EMPTY = ("u_x", "pressure", "gap")
-# Every version of this program has written these columns.
+# Columns that every version of this program has written.
 SURFACE_COLUMNS = ("step", "x", "y", "u_x", "u_y", "u_z", "gap", "pressure")
 SURFACE_HEADER = (*SURFACE_COLUMNS, "z")
 # The shear traction is written with friction, the pore pressure with fluid in the pores.
@@ -113,7 +113,8 @@ def parse_state(names: tuple[str, ...], line: bytes, unknown: Collection[str] = 
         named_cells = zip(names, cells, strict=True)
         values: dict[str, Any] = {name: _parse_cell(name, cell) for name, cell in named_cells}
         empty = {name for name, value in values.items() if value != value}
-    except (ValueError, OverflowError):  # An integer of hundreds of digits overflows a float.
+    # An integer with hundreds of digits overflows a floating-point number.
+    except (ValueError, OverflowError):
         return None
     if any(value in (math.inf, -math.inf) for value in values.values()):
         return None

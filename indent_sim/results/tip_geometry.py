@@ -1,4 +1,4 @@
-"""Geometry of a rigid tip for pictures and ParaView: section lines and surface meshes."""
+"""Geometry of a tip for pictures and ParaView: section lines and surface meshes."""
 
 from __future__ import annotations
 
@@ -38,11 +38,17 @@ class TipGeometry:
     contacts_per_body: int = 1
     slide_axis: int = 0
 
-    def displacement(self, delta: float, slide: float = 0.0) -> np.ndarray:
-        """Return the displacement (n, 3) [length] of the tip at a depth and a slide."""
-        displacement = [0.0, 0.0, -delta / self.contacts_per_body]
-        displacement[self.slide_axis] += slide
-        return np.tile(displacement, (len(self.points), 1))
+    def displacement(
+        self, delta: float, slide: float = 0.0, lift: np.ndarray | float = 0.0
+    ) -> np.ndarray:
+        """Return the displacement (n, 3) [length] of the tip at a depth and a slide.
+
+        `lift` is the displacement (n,) of the points of a soft tip towards its holder.
+        """
+        displacement = np.zeros((len(self.points), 3))
+        displacement[:, 2] = lift - delta / self.contacts_per_body
+        displacement[:, self.slide_axis] += slide
+        return displacement
 
 
 def half_section(

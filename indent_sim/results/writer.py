@@ -96,7 +96,7 @@ class ResultFolder:
         self._fields: FieldWriter | None = None
         # Depth, and lines of the surface table.
         self._deepest_surface = (-math.inf, b"")
-        # Time of the last write that waited for the disk, and whether the next one is to wait.
+        # Time of the last write that waited for the disk, and whether the next write must wait.
         self._last_sync = time.monotonic()
         self._next_write_syncs = False
         # First files of the run that may not be on the disk yet.
@@ -190,7 +190,7 @@ class ResultFolder:
                 f"step {state.step} has not converged and is not a result: {state.reason}"
             )
         with defer_signals(), self._convert_write_errors():
-            # A power failure costs no more than the rows of the last second.
+            # A power failure loses at most the rows of the last second.
             self._next_write_syncs = time.monotonic() - self._last_sync > 1.0
             if state.surface is not None:
                 self._write_surface(state, state.surface)
@@ -200,7 +200,8 @@ class ResultFolder:
             if self._next_write_syncs:
                 self._sync_files()
             self.rows += 1
-            # Writing run.json at each of thousands of quick steps would take longer than they do.
+            # Writing run.json after each of thousands of quick steps would take longer than the
+            # steps.
             if self._next_write_syncs or self.rows == 1:
                 self._write_report()
             self._rename_into_place()

@@ -9,6 +9,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from indent_sim.config.schema import Config
 from indent_sim.fe.dolfinx_loading import load_dolfinx
 from indent_sim.model.state import PullOff, State
@@ -565,6 +567,14 @@ class SingleRun:
             return
         fields = gathered.items()  # empty except on rank 0
         values = {name: field * units.get(name, scales.pressure) for name, field in fields}
+        if lens := self.scene.physics.indenter.lens:
+            tip = self._drawn_tip_geometry()
+            x = tip.points / scales.length
+            r = np.abs(x[:, 0] - self.scene.physics.center[0])
+            # The holder above the elastic part is rigid.
+            is_elastic = x[:, 2] <= lens.thickness
+            lift = fields_output.body.tip_displacement(r) * scales.length
+            values["tip_lift"] = np.where(is_elastic, lift, 0.0)
         grows = self.scene.physics.path.is_increasing
         self.run_output.write_fields(
             state, values, state.delta if state.t is None and grows else state.t

@@ -43,6 +43,12 @@ def model_choices(setup: ProblemSetup) -> Choices:
         "a roller base and free sides leave rigid-body modes; the run checks that the reactions of "
         "the pins vanish"
     )
+    if domain.rests_on_flat:
+        pinned = "half of the height on the axis; a soft spring leaves the motion of the body free"
+    resting = (
+        "two contacts in series on one compliance, each with its own radius; the flat below is "
+        "rigid and without friction, and delta is the approach of tip and flat"
+    )
     strain = (
         ("small", "the material is linear elastic")
         if physics.small_strain
@@ -64,6 +70,7 @@ def model_choices(setup: ProblemSetup) -> Choices:
             else []
         ),
         *([Choice("pins", len(domain.pins), pinned)] if domain.pins else []),
+        *([Choice("body.base", "unbonded", resting)] if domain.rests_on_flat else []),
     ]
 
 
@@ -207,6 +214,7 @@ def mesh(
         if settings.h_far != "auto"
         else f"the element size grows by {sizes.grading:.3g} per unit distance up to this value"
     )
+    base_reason = "contact with the flat below: as many elements as in the contact with the tip"
     contact = ("h_contact", f"{contact_reason}; {elements_text}")
     axis = (
         "h_axis",
@@ -216,6 +224,7 @@ def mesh(
         contact,
         axis,
         ("h_far", far_reason),
+        ("h_base", base_reason),
         ("h_edge", "the pressure is singular at the sharp edge of the punch"),
         (
             "h_corner",

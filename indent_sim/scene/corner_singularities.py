@@ -101,6 +101,8 @@ def _base_edge_corners(domain: ModelDomain, radius: float, a: float, nu: float) 
     and `a` that of the contact [length].
     """
     r, z = next(side.end for side in domain.outline if side.surface == "base")
+    if domain.rests_on_flat and domain.height == 2 * radius:
+        return []
     distance = min(r, -z)
     is_bonded = domain.supports["base"] == "fixed"
     corner_error = 0.0

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from indent_sim.mesh.sizes import DrainedFace, Sizes
+from indent_sim.mesh.sizes import BaseContact, DrainedFace, Sizes
 from indent_sim.model.inclusions import Inclusion
+from indent_sim.model.spherical_bodies import SphericalBody
 from indent_sim.model.units import round_length
 from indent_sim.process.errors import ConfigError
 from indent_sim.scene import boundary_films
@@ -24,6 +25,7 @@ from indent_sim.scene.measured_constants import (
 from indent_sim.scene.path_rows import path_rows
 from indent_sim.scene.problem_setup import ProblemSetup
 from indent_sim.scene.resolution import FixedSizes, MeshResolution
+from indent_sim.theory.contacts_in_series import ContactsInSeries
 
 if TYPE_CHECKING:
     from indent_sim.config.schema import Config
@@ -32,6 +34,39 @@ if TYPE_CHECKING:
 AUTO_ERROR = 0.003
 # Share of the allowed error of the force that the elements in inclusions may cost.
 INCLUSION_ERROR_SHARE = 0.25
+# Radius of the fine part of the base in expected radii of the contact with the flat below, which is
+# wider than expected where the body is compressed.
+BASE_PATCH_FACTOR = 1.3
+
+
+def refine_base_contact(default_sizes: Sizes, setup: ProblemSetup) -> Sizes:
+    """Return sizes with as many elements in the contact with a flat below as under the tip."""
+    physics = setup.physics
+    body = physics.body
+    if not isinstance(body, SphericalBody) or not body.rests_on_flat:
+        return default_sizes
+    a_base = min(_expected_base_radius(body, setup), 0.9 * body.max_section_radius)
+    h = min(a_base * default_sizes.h_contact / setup.a, default_sizes.h_far)
+    radius = min(BASE_PATCH_FACTOR * a_base + 2 * h, body.max_section_radius)
+    depth = physics.domain.height
+    return replace(
+        default_sizes, base_contact=BaseContact(depth, round_length(radius), round_length(h))
+    )
+
+
+def _expected_base_radius(body: SphericalBody, setup: ProblemSetup) -> float:
+    """Return the expected radius of the contact with the flat below [length].
+
+    The base of a cap stays in contact nearly everywhere. Without a theory, half of the approach
+    flattens the underside of a ball.
+    """
+    if not body.is_whole:
+        return body.base_edge[0]
+    theory = setup.theory
+    solution = setup.solution(setup.max_depth) if setup.max_depth > 0 else None
+    if solution and theory and isinstance(theory.contact, ContactsInSeries):
+        return theory.contact.lower_solution(solution.force).a
+    return max((body.radius * max(setup.max_depth, 0.0) / 2) ** 0.5, setup.a)
 
 
 def refine_corners(

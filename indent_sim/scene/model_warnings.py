@@ -139,6 +139,8 @@ def _model_warnings(setup: ProblemSetup) -> Iterator[ModelWarning]:
             cause = "its surface is under tension"
         if physics.indenter.lens:
             cause = "body or tip are not thick enough for a contact this large, or layered"
+        if physics.domain.rests_on_flat:
+            cause = "a part of the depth is the approach of the body and the flat below"
         yield ModelWarning(
             "half_space",
             f"the half-space formula {formula_and_force[0]} does not apply: {cause}",

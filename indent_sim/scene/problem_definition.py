@@ -18,6 +18,7 @@ from indent_sim.model.materials import Material
 from indent_sim.model.state import (
     FLUID_COLUMNS,
     FRICTION_COLUMNS,
+    RESTING_COLUMNS,
     SLIDE_COLUMNS,
     SOFT_TIP_COLUMNS,
     TILT_COLUMNS,
@@ -349,9 +350,11 @@ class ProblemDefinition:
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """Columns of the force table for a soft tip, slide, friction, tilt and fluid, in order."""
-        if self.indenter.lens:
-            return SOFT_TIP_COLUMNS
+        """Columns of the table for tip, flat below, slide, friction, tilt and fluid, in order."""
+        soft_tip = SOFT_TIP_COLUMNS if self.indenter.lens else ()
+        if soft_tip or self.domain.rests_on_flat:
+            # Neither is modelled with friction or pore fluid.
+            return (*soft_tip, *(RESTING_COLUMNS if self.domain.rests_on_flat else ()))
         fluid = FLUID_COLUMNS if self.permeable_regions else ()
         tilt = TILT_COLUMNS if self.has_moment else ()
         side_force_columns = [f"side_force_{axis}" for axis in self.side_force_axes]

@@ -304,7 +304,7 @@ def _set_up(
     least_modulus_fraction = min(
         (remaining_modulus_fraction(law, history) for law in relaxations), default=1.0
     )
-    indenter = _plate_if_covering(config.tip, whole_body, center)
+    indenter = _plate_if_covering(_punch_if_soft(config.tip), whole_body, center)
     tip = relative_tip(indenter, whole_body)
     path = (
         path_to_max_depth(history, least_modulus_fraction, compliance, tip, layers)
@@ -376,12 +376,21 @@ def _set_up(
     )
 
 
+def _punch_if_soft(tip: Indenter) -> Indenter:
+    """Return a soft plate as the soft punch that it is."""
+    if not isinstance(tip, Plate) or tip.radius is None:
+        return tip
+    return FlatPunch(tip.radius, material=tip.material, thickness=tip.thickness)
+
+
 def _plate_if_covering(tip: Indenter, body: Body, center: Center) -> Indenter:
     """Replace a sharp punch that is exactly as wide as a flat top by a plate.
 
     The edge of the punch would cut into the rim of the body, which bulges at finite strain.
     """
-    if not isinstance(tip, FlatPunch) or tip.edge_radius or not covers_top(tip, body, center):
+    if not isinstance(tip, FlatPunch) or tip.edge_radius or tip.material:
+        return tip
+    if not covers_top(tip, body, center):
         return tip
     return (
         Plate() if tip.radius <= body.max_lateral_extent(center) * (1 + RADIUS_TOLERANCE) else tip

@@ -21,6 +21,7 @@ from indent_sim.model.tips import (
     Lens,
     Paraboloid,
     Plate,
+    SoftCylinder,
     Sphere,
     flat_radius,
 )
@@ -33,6 +34,7 @@ from indent_sim.scene.reasons import first_reason
 from indent_sim.scene.tip_theories import theory_tip_shape
 from indent_sim.theory import profiles
 from indent_sim.theory.contact_curve import ContactCurve
+from indent_sim.theory.contacts_in_series import ContactsInSeries
 from indent_sim.theory.films import (
     dimitriadis_force,
     film_force,
@@ -86,7 +88,7 @@ def theory_of(
     if theory and surface_tension:
         theory = _add_surface_tension(theory, surface_tension)
     if theory and tip.lens:
-        theory = _add_soft_tip(theory, tip.lens)
+        theory = _soft_tip_theory(theory, tip.lens, body)
     if theory is None or not body.inclusions:
         return theory
     return replace(
@@ -125,12 +127,29 @@ def _add_surface_tension(theory: Theory, surface_tension: float) -> Theory | Non
     )
 
 
-def _add_soft_tip(theory: Theory, lens: Lens) -> Theory | None:
+def _soft_tip_theory(theory: Theory, lens: Lens | SoftCylinder, body: Body) -> Theory | None:
+    """Return the theory of a body under a soft tip; None if no layer resembles the tip.
+
+    The free sides of a soft punch are at the edge of its contact with a flat body.
+    """
+    if isinstance(lens, SoftCylinder) and not isinstance(body, SphericalBody):
+        return None
+    return _add_soft_tip(theory, lens)
+
+
+def _add_soft_tip(theory: Theory, lens: Lens | SoftCylinder) -> Theory | None:
     """Return the theory of a layer under a soft tip, which is taken as a flat layer, too.
 
     None in plane strain.
     """
     rigid = theory.contact
+    if isinstance(rigid, ContactsInSeries):
+        upper = _add_soft_tip(replace(theory, contact=rigid.upper), lens)
+        if upper is None:
+            return None
+        assert isinstance(upper.contact, ContactCurve)
+        reason = f"{theory.reason}; {upper.reason}"
+        return replace(upper, contact=replace(rigid, upper=upper.contact), reason=reason)
     if not isinstance(rigid, Layer):
         return None
     body = rigid.scaled_stack.scaled(rigid.h, rigid.E_star / rigid.scaled_stack.E_star)
@@ -183,11 +202,17 @@ def _spherical_body_theory(
     """
     is_cap = body.shape == "cap"
     shape = theory_tip_shape(tip)
-    stack = stack_of(layers, body.base if is_cap else None)
+    # The flat base of a cap stays in contact with a flat nearly everywhere.
+    base = "roller" if body.rests_on_flat else body.base
+    stack = stack_of(layers, base if is_cap else None)
     if shape is None or stack is None:
         return None
     contact = Layer.from_stack(profiles.tip_over_spherical_body(shape, body.radius), stack)
     why = "the theory uses a flat body and a tip with the sum of both curvatures"
+    if body.rests_on_flat and not is_cap:
+        plate = profiles.tip_over_spherical_body(profiles.flat_plate(), body.radius)
+        series = ContactsInSeries(contact, Layer.from_stack(plate, stack))
+        return Theory("two contacts in series", False, f"{why}, for each of both contacts", series)
     return Theory("layer theory" if is_cap else "half-space theory", False, why, contact)
 
 

@@ -299,6 +299,8 @@ def coarsened_sizes(sizes: Sizes, ratio: float, height: float, *, is_column: boo
         and min(ratio ** (ORDER_OF_CONVERGENCE / film_error_order) * sizes.h_film, h_contact),
         inclusions=tuple(inclusions),
         coatings=coatings,
+        base_contact=sizes.base_contact
+        and replace(sizes.base_contact, h=min(ratio * sizes.base_contact.h, height)),
     )
 
 

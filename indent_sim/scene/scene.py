@@ -75,8 +75,8 @@ class Scene:
     relaxation : Relaxation or None
         Relaxation of the whole body that is applied to its elastic curve.
     tip_scene : Scene or None
-        The lens of a soft tip under a plate, which is condensed as the body is; None if the tip is
-        rigid.
+        The elastic part of a soft tip under a rigid one, which is condensed as the body is; None if
+        the tip is rigid.
     """
 
     physics: ProblemDefinition

@@ -19,6 +19,7 @@ from indent_sim.scene.contact_refinement import (
 )
 from indent_sim.scene.expected_error import NEARLY_INCOMPRESSIBLE_NU
 from indent_sim.scene.local_refinement import (
+    refine_base_contact,
     refine_coatings,
     refine_corners,
     refine_films,
@@ -251,6 +252,7 @@ def sizes(
         _default_sizes(setup, fixed_sizes, edge, edge_refinement),
         rounded_edge_width=frictional_edge_width(config, setup, edge, gap),
     )
+    default_sizes = refine_base_contact(default_sizes, setup)
     refined_sizes = refine_corners(default_sizes, setup, fixed_sizes, resolution)
     refined_sizes = refine_inclusions(refined_sizes, config, setup, resolution)
     refined_sizes = refine_coatings(refined_sizes, config, setup, resolution)

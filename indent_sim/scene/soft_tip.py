@@ -1,15 +1,20 @@
-"""The scene of a soft tip: its elastic lens, upside down under a rigid plate.
+"""The scene of a soft tip: its elastic lens or cylinder, upside down under a rigid tip.
 
 Body and tip are condensed separately to their contact surfaces. The tip's mesh is that of a cap
-which a plate compresses to the contact radius that is expected between tip and body.
+which a plate compresses to the contact radius that is expected between tip and body, or that of a
+cylinder which is pressed over this radius.
 """
 
 from __future__ import annotations
+
+from typing import Any
 
 from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.config.schema import Config
 from indent_sim.mesh.model_domain import ModelDomain
 from indent_sim.mesh.sizes import Sizes
+from indent_sim.model.spherical_bodies import SphericalBody
+from indent_sim.model.tips import Lens, SoftCylinder
 from indent_sim.process.errors import ConfigError
 from indent_sim.scene.choices import Choice
 from indent_sim.scene.problem_setup import ProblemSetup
@@ -47,7 +52,7 @@ def soft_tip_choices(setup: ProblemSetup, tip_domain: ModelDomain) -> list[Choic
     (region,) = tip_domain.regions
     thickness_choices = (
         [Choice("indenter.thickness", lens.thickness * scales.length, "auto: R, half a ball")]
-        if lens.thickness == lens.radius
+        if isinstance(lens, Lens) and lens.thickness == lens.radius
         else []
     )
     reason = "1/E* = 1/E_body* + 1/E_tip*: the modulus of the half-space formula"
@@ -59,7 +64,7 @@ def soft_tip_choices(setup: ProblemSetup, tip_domain: ModelDomain) -> list[Choic
 
 
 def soft_tip_config(config: Config, setup: ProblemSetup, sizes: Sizes) -> Config:
-    """Return the config of the lens of a soft tip under a plate.
+    """Return the config of the elastic part of a soft tip, upside down under a rigid tip.
 
     Parameters
     ----------
@@ -72,24 +77,70 @@ def soft_tip_config(config: Config, setup: ProblemSetup, sizes: Sizes) -> Config
     """
     lens = config.indenter.lens
     assert lens is not None
+    pressed = (
+        _pressed_lens(lens, setup)
+        if isinstance(lens, Lens)
+        else _pressed_cylinder(lens, setup, sizes)
+    )
     length = setup.physics.scales.length
-    a = setup.a * length
     E, nu = lens.material.constants
     units = {name: unit for name, unit in vars(config.units).items() if unit}
     return config_from_mapping(
         {
             "title": "soft tip",
             **({"units": units} if units else {}),
-            "body": {"shape": "cap", "base_radius": lens.base_radius, "height": lens.thickness},
             "material": {
                 "model": "linear_elastic",
                 "E": E,
                 "nu": nu,
                 "formulation": lens.material.formulation,
             },
-            "indenter": {"shape": "plate"},
-            "loading": {"delta": min(a * a / lens.radius, MAX_APPROACH * lens.thickness)},
-            "mesh": {"h_contact": sizes.h_contact * length},
             "solver": {"method": "condensed"},
+            **pressed,
+            "mesh": {"h_contact": sizes.h_contact * length, **pressed.get("mesh", {})},
         }
     )
+
+
+def _pressed_lens(lens: Lens, setup: ProblemSetup) -> dict[str, Any]:
+    """Return body, tip and loading of a cap that a plate compresses to the expected contact."""
+    a = setup.a * setup.physics.scales.length
+    return {
+        "body": {"shape": "cap", "base_radius": lens.base_radius, "height": lens.thickness},
+        "indenter": {"shape": "plate"},
+        "loading": {"delta": min(a * a / lens.radius, MAX_APPROACH * lens.thickness)},
+    }
+
+
+def _pressed_cylinder(lens: SoftCylinder, setup: ProblemSetup, sizes: Sizes) -> dict[str, Any]:
+    """Return body, tip, loading and size at the edge of a cylinder under the expected contact.
+
+    The contact with a flat body ends at the edge of the punch or of the body, that with a ball or a
+    cap inside both.
+    """
+    length = setup.physics.scales.length
+    body = setup.physics.body
+    # The depth does not matter to a flat tip.
+    depth = {"delta": 1e-3 * lens.thickness}
+    tip: dict[str, Any] = {"shape": "plate"}
+    h_edge = {} if sizes.h_edge is None else {"h_edge": sizes.h_edge * length}
+    if isinstance(body, SphericalBody) and setup.a * length < lens.radius:
+        a = setup.a * length
+        curvature_radius = max(body.radius * length, a * a / (MAX_APPROACH * lens.thickness))
+        tip = {"shape": "paraboloid", "R": curvature_radius}
+        depth = {"delta": a * a / curvature_radius}
+        h_edge = {}
+    elif body.lateral_extent(setup.physics.center) * length < lens.radius * (1 - 1e-9):
+        tip = {"shape": "flat_punch", "radius": body.lateral_extent(setup.physics.center) * length}
+    return {
+        "body": {
+            "shape": "cylinder",
+            "radius": lens.radius,
+            "height": lens.thickness,
+            "base": "fixed",
+            "sides": "free",
+        },
+        "indenter": tip,
+        "loading": depth,
+        "mesh": h_edge,
+    }

@@ -306,9 +306,10 @@ def _spherical_domain(
         )
     supports = {"base": body.base, "r_min": "roller"}
     outline = _spherical_outline(body)
-    if body.height == 2 * body.radius and len(regions) > 1:
-        # The outline of every section begins in the core; that of a whole ball on its axis.
-        start = (0.0, -body.radius)
+    if (body.is_whole and len(regions) > 1) or body.rests_on_flat:
+        # The outline of every section begins in the core; that of a whole ball on its axis. A body
+        # that rests on a flat is pinned at half of its height.
+        start = (0.0, -body.height / 2)
         (first, *middle_sides, last) = outline
         outline = (
             Side("r_min", start, first.start),
@@ -336,7 +337,12 @@ def _spherical_outline(body: SphericalBody) -> Sides:
     is_whole = base_edge[1] > bottom[1]
     arc_ends = [base_edge, *([(R, -R)] if base_edge[1] < -R else []), apex]
     base = Side("base", bottom, base_edge, center=middle if is_whole else None)
-    curved = (Side("top", start, end, center=middle) for start, end in pairwise(arc_ends))
+    # The overhang of a cap may touch the flat on which it rests.
+    underside = "base" if body.rests_on_flat else "top"
+    curved = (
+        Side("top" if end == apex else underside, start, end, center=middle)
+        for start, end in pairwise(arc_ends)
+    )
     return base, *curved, Side("r_min", apex, bottom)
 
 
@@ -351,6 +357,8 @@ def _rectangle_outline(
 
 def _pins(domain: ModelDomain) -> Pins:
     """Return the point constraints (point, component) that only prevent rigid-body modes."""
+    if domain.rests_on_flat:
+        return (((0.0, -domain.height / 2), 1),)
     if isinstance(domain.kinematics, Axisymmetric) or "fixed" in domain.supports.values():
         return ()
     if domain.wall_radius is not None:

@@ -68,7 +68,7 @@ class Case:
         text = "_".join(
             f"{key.split('.')[-1]}={word.strip('_')}" for key, word in value_texts.items()
         )
-        # A file name may have 255 bytes; 80 letters of text leave enough room for the id.
+        # A file name may have 255 bytes; 80 letters of text leave enough space for the id.
         return f"{text[:80].lstrip('.-')}-{self.id}"
 
     @property
@@ -124,7 +124,7 @@ def _convert_to_scene_units(value: Any, path: KeyPath, quantities: Quantities) -
 
 @dataclass(frozen=True)
 class RejectedCase:
-    """Point of a study that is not a valid scene; a row of the table in studies with tolerance.
+    """Point of a study that is not a valid scene; in a study with a tolerance a failed row.
 
     Attributes
     ----------
@@ -192,7 +192,7 @@ def resolve_cases(study: StudyFile) -> tuple[list[Case], list[RejectedCase]]:
         # Largest number of errors that are reported; more would hide the first ones on
         # the screen.
         max_reported_errors = 20
-        # An error of every run belongs to the base scene and needs no name of a run.
+        # An error that all runs have belongs to the base scene; its message need not name a run.
         errors = [
             same_error_cases[0].error
             if len(same_error_cases) == case_count
@@ -206,7 +206,7 @@ def resolve_cases(study: StudyFile) -> tuple[list[Case], list[RejectedCase]]:
 
 
 def _add_tolerance_hint(error: ConfigError, rejected_count: int, case_count: int) -> ConfigError:
-    """Add a hint to the last error: with a tolerance, invalid scenes are failed rows."""
+    """Add a hint to the last error: in a study with a tolerance, invalid scenes are failed rows."""
     *other_errors, last_error = error.errors
     hint = (
         f"{rejected_count} of {case_count} runs are invalid: with `tolerance` in the study they "
@@ -236,7 +236,7 @@ def validate_cases(
 
 
 class CaseBuilder:
-    """Builder of cases that caches the unit of stiffness E*/h_contact of each body and mesh."""
+    """Builder of cases; it caches the stiffness E*/h_contact of each body and mesh."""
 
     def __init__(self, common_settings: ParameterPoint):
         self._common_settings = common_settings

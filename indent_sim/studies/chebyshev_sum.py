@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.polynomial import chebyshev
 
-# Points that are evaluated at a time: their numbers fit into the cache of a processor.
+# Number of points that are evaluated at a time; their values fit into the cache of a processor.
 BLOCK = 4096
 
 
@@ -37,7 +37,7 @@ class ChebyshevSum:
         return values
 
     def _block_values(self, points: np.ndarray) -> np.ndarray:
-        """Return the sum at a block of points: summed over the last variable, then the others."""
+        """Return the sum at a block of points, by summing over the last variable first."""
         *earlier_levels, last_level = self._levels
         parents, degrees, _ = last_level
         dense = np.zeros((int(degrees.max()) + 1, int(parents.max()) + 1))
@@ -53,7 +53,7 @@ class ChebyshevSum:
 
     @cached_property
     def _levels(self) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-        """Levels of the tree of prefixes: parent and degree of each node, first node of parents."""
+        """Levels of the tree of prefixes: parents and degrees of nodes, first child of parents."""
         levels = []
         count = self.indices.shape[1]
         for length in range(1, count + 1):
@@ -78,7 +78,7 @@ def _polynomials(x: np.ndarray, degree: int) -> np.ndarray:
 
 def index_tuples(degrees: Sequence[int]) -> np.ndarray:
     """Return the index tuples k with sum k_j / degrees_j <= 1, in lexicographic order."""
-    # Round-off of the sum.
+    # Tolerance for the round-off of the sum.
     tolerance = 1e-9
 
     def extend(prefix: tuple[int, ...], left: float) -> Iterator[tuple[int, ...]]:

@@ -20,10 +20,10 @@ from typing import Any
 
 import numpy as np
 
-# Longest text of a condition, and most conditions of a study.
+# Largest length of the text of a condition, and largest number of conditions of a study.
 MAX_LENGTH = 200
 MAX_CONDITIONS = 20
-# Deepest nesting of parentheses, signs and powers.
+# Largest nesting depth of parentheses, signs and powers.
 MAX_NESTING = 30
 _TOKEN = re.compile(
     r"\s*(?:(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)"
@@ -44,7 +44,7 @@ _OPERATIONS: dict[str, Callable[[Any, Any], Any]] = {
     "**": np.float_power,
 }
 
-# Numbers of keys; arrays give the conditions of many points at once.
+# Numbers by key; with arrays the condition is evaluated for many points at once.
 Numbers = Mapping[str, Any]
 _Term = Callable[[Numbers], Any]
 
@@ -71,7 +71,7 @@ class Condition:
     _comparisons: tuple[str, ...]
 
     def holds(self, numbers: Numbers) -> Any:
-        """Return whether the condition holds; a term without a finite value fulfils nothing."""
+        """Return whether the condition holds; it does not if one of its terms is not finite."""
         with np.errstate(all="ignore"):
             values = [term(numbers) for term in self._terms]
         pairs = zip(self._comparisons, values[:-1], values[1:], strict=True)

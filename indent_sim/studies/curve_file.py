@@ -16,9 +16,7 @@ from indent_sim.studies import study_folder, study_table
 from indent_sim.studies.row_file import CURVE_COLUMNS
 from indent_sim.studies.study_table import Row
 
-# More rows of curves are written to curves.h5 instead of curves.csv.
-MAX_CSV_CURVE_ROWS = 100_000
-# Row of study.csv and its curve; (rows, CURVE_COLUMNS).
+# Index of a row of study.csv, and its curve; (rows, CURVE_COLUMNS).
 RowWithCurve = tuple[Row, np.ndarray]
 
 
@@ -54,7 +52,9 @@ class CurveWriter:
         """Give the file its name, or write curves.csv instead."""
         self._flush()
         self._file.close()
-        if self._total > MAX_CSV_CURVE_ROWS:
+        # With more rows in all curves together, curves.h5 is written instead of curves.csv.
+        max_csv_curve_rows = 100_000
+        if self._total > max_csv_curve_rows:
             self._new_path.replace(self._path)
             self._csv_path.unlink(missing_ok=True)
             return

@@ -134,7 +134,7 @@ def _parse_section(value: object) -> Mapping[str, object] | None:
 
 
 def number_and_unit(value: object) -> tuple[float, str | None]:
-    """Return a value as a number and its unit: "" for plain numbers; (nan, None) for words."""
+    """Return a value as a number and its unit, "" if plain; (nan, None) for other text."""
     if isinstance(value, StiffnessMultiple):
         return value.factor, STIFFNESS_UNIT
     if isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value):
@@ -209,7 +209,7 @@ def _make_groups(curves: Sequence[RunCurve], keys: Sequence[str]) -> CurveGroups
     ]
 
     def is_only_word(key: str) -> bool:
-        """Return True if, for some run, no other key with text values has a value."""
+        """Return True if some run has no other key with a text value."""
         other_word_keys = [other_key for other_key in independent if other_key in word_keys]
         return any(
             row.get(key) is not None

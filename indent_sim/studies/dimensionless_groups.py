@@ -15,7 +15,7 @@ Vector = Sequence[Fraction]
 
 @dataclass(frozen=True)
 class Groups:
-    """Dimensionless groups, and the product of powers that gives a column its dimension.
+    """Dimensionless groups, and the product of powers that has the dimension of the column.
 
     Attributes
     ----------
@@ -86,7 +86,7 @@ def _power_text(key: str, power: Fraction) -> str:
 
 
 def _preferred_order(dimensions: Mapping[str, Dimension]) -> list[str]:
-    """Return the keys in the order in which they are to be eliminated: moduli, then the tip."""
+    """Return the keys in the order of their elimination: moduli, sizes of the tip, others."""
 
     def rank(key: str) -> int:
         _, force, time = dimensions[key]

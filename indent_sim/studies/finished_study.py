@@ -37,7 +37,7 @@ class Study:
     rows
         The rows of the table; empty for a shard, which only performs its part of the runs.
     notes
-        Remarks on the reference.
+        Remarks on the reference solution.
     scoreboard
         One row per case with a published value.
     counts

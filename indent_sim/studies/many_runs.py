@@ -1,4 +1,4 @@
-"""Many runs of a study whose runs are rows: a sample of them, for pictures and for its report."""
+"""Sample of the many runs of a study without result folders, for pictures and the report."""
 
 from __future__ import annotations
 
@@ -16,11 +16,9 @@ from indent_sim.results.result_files import STUDY, Report, read_report
 from indent_sim.studies import study_folder
 from indent_sim.studies.curve_file import read_curves
 
-# Runs that are drawn, and keys of a picture.
+# Largest number of runs that are drawn, and of keys in a picture.
 MAX_RUNS = 3000
 MAX_KEYS = 5
-# Distinct warnings that a report shows.
-MAX_WARNINGS = 50
 
 
 @dataclass(frozen=True)
@@ -38,9 +36,9 @@ class ManyRuns:
     curves
         Depth and force of every run; each (rows, 2).
     count
-        Number of runs of the study, of which these are some.
+        Number of all runs of the study.
     rows
-        Some rows of study.csv, whatever their status, as texts.
+        Some rows of study.csv, of any status, as texts.
     statuses
         Numbers of rows by their status.
     warnings
@@ -60,12 +58,12 @@ class ManyRuns:
 
     @property
     def varying_keys(self) -> list[str]:
-        """Keys with more than one value, those with the largest influence on the rank first."""
+        """Keys with more than one value, by descending rank correlation with the result."""
         varying = [key for key, values in self.keys.items() if np.ptp(values) > 0]
         return sorted(varying, key=self._rank_correlation, reverse=True)[:MAX_KEYS]
 
     def _rank_correlation(self, key: str) -> float:
-        """Return the size of the rank correlation of the result with a key."""
+        """Return the absolute value of the rank correlation of the result with a key."""
         first, second = (np.argsort(np.argsort(values)) for values in (self.keys[key], self.values))
         return abs(float(np.corrcoef(first, second)[0, 1]))
 
@@ -110,6 +108,8 @@ def _read_table(folder: Path, record: Report, column: str) -> ManyRuns:
     statuses: Counter[str] = Counter()
     warnings: dict[str, None] = {}
     rows = []
+    # Largest number of different warnings that a report shows.
+    max_warnings = 50
     with open(folder / study_folder.STUDY_TABLE, encoding="utf-8", newline="") as stream:
         lines = csv.reader(stream)
         names = next(lines)
@@ -117,7 +117,7 @@ def _read_table(folder: Path, record: Report, column: str) -> ManyRuns:
         warning = names.index("warnings")
         for number, cells in enumerate(lines):
             statuses[cells[status]] += 1
-            if cells[warning] and len(warnings) < MAX_WARNINGS:
+            if cells[warning] and len(warnings) < max_warnings:
                 warnings |= dict.fromkeys(cells[warning].split(" | "))
             if number % stride == 0:
                 rows.append(dict(zip(names, cells, strict=True)))

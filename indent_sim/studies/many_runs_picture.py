@@ -22,9 +22,7 @@ from indent_sim.studies.small_multiples import (
     value_ratio,
 )
 
-# More curves are drawn as bands.
-MAX_LINES = 100
-# Shares of the runs between which a band is drawn.
+# Quantiles of the runs between which the bands are drawn.
 BANDS = ((0.01, 0.99), (0.1, 0.9), (0.25, 0.75))
 
 
@@ -51,7 +49,7 @@ def draw_panel(folder: Path, panel: str, path: Path, dpi: float | None) -> None:
     if not is_drawn:
         raise UsageError(
             f"{folder} has no picture of {panel}",
-            "curves need runs with at least two rows, a column two varied numbers",
+            "curves need runs with at least two rows; a map of a column needs two varied numbers",
         )
 
 
@@ -68,17 +66,19 @@ def draw_bands(runs: ManyRuns, path: Path, dpi: float | None = None) -> bool:
 
 
 def draw_bands_into(axes: Axes, runs: ManyRuns) -> None:
-    """Draw the curves into given axes: a few as lines, many as the bands that hold most of them.
+    """Draw the curves into given axes: a few as lines, many as bands between quantiles.
 
     The depths of bands are relative to the last depth of each run.
     """
     curves = _rising_curves(runs)
-    if len(curves) <= MAX_LINES:
+    # With more curves than this, bands are drawn.
+    max_lines = 100
+    if len(curves) <= max_lines:
         for curve in curves:
             axes.plot(*curve.T, color=figures.COLOURS[0], lw=0.6)
         axes.set(xlabel="depth", ylabel=runs.result_label)
         return
-    # Relative depths at which the forces are compared: those that all runs have.
+    # Relative depths at which the quantiles are computed; all runs reach them.
     first_depth = max(curve[0, 0] / curve[-1, 0] for curve in curves)
     depths = np.linspace(first_depth, 1.0, 41)
     forces = np.array([np.interp(depths * curve[-1, 0], *curve.T) for curve in curves])
@@ -151,9 +151,9 @@ def draw_samples(runs: ManyRuns, path: Path) -> None:
 
 
 def draw_maps(runs: ManyRuns, path: Path, dpi: float | None = None) -> bool:
-    """Draw the result over the two most influential keys, for thirds of two others.
+    """Draw the result over the two most influential keys, in panels for thirds of two others.
 
-    The colour of a field is the median of the runs in it; a field without runs is white. Return
+    The colour of a rectangle is the median of the runs in it; one without runs is white. Return
     False, without a picture, if fewer than two numbers vary.
     """
     keys = runs.varying_keys
@@ -165,7 +165,7 @@ def draw_maps(runs: ManyRuns, path: Path, dpi: float | None = None) -> bool:
     parts += [[(np.ones(len(runs.values), bool), "")]] * (2 - len(parts))
     names = [picture_text(runs.label(key)) for key in others] + [""] * (2 - len(others))
     columns, rows = parts
-    # Fields in each direction: enough runs for each.
+    # Number of rectangles in each direction, such that most of them contain several runs.
     fields = int(np.clip(np.sqrt(len(runs.values) / len(columns) / len(rows) / 4), 3, 24))
     edges = [_edges(runs.keys[key], fields) for key in (across, up)]
     _, scale = number_colours(runs.values.tolist())
@@ -189,7 +189,7 @@ def draw_maps(runs: ManyRuns, path: Path, dpi: float | None = None) -> bool:
         for axes in panels[:, 0]:
             axes.set_ylabel(picture_text(runs.label(up)))
         figures.draw_colour_bar(list(panels.flat), scale, runs.result_label, "right")
-        figures.draw_title(figure, runs.title, f"{_count_text(runs)}  ·  median in each field")
+        figures.draw_title(figure, runs.title, f"{_count_text(runs)}  ·  median in each rectangle")
         figures.save(figure, path, dpi)
     return True
 
@@ -241,7 +241,7 @@ def _thirds(values: np.ndarray) -> list[tuple[np.ndarray, str]]:
 
 
 def _edges(values: np.ndarray, fields: int) -> np.ndarray:
-    """Return the edges of fields over a key."""
+    """Return the edges of the rectangles over a key."""
     is_log = value_ratio(values) >= LOG_NUMBER_RATIO
     edges = (np.geomspace if is_log else np.linspace)(values.min(), values.max(), fields + 1)
     return np.asarray(edges)
@@ -250,7 +250,7 @@ def _edges(values: np.ndarray, fields: int) -> np.ndarray:
 def _field_medians(
     runs: ManyRuns, keys: tuple[str, str], edges: Sequence[np.ndarray], chosen: np.ndarray
 ) -> np.ndarray:
-    """Return the median result of the chosen runs in each field; NaN without a run."""
+    """Return the median result of the chosen runs in each rectangle; NaN without a run."""
     fields = len(edges[0]) - 1
     places = [
         np.clip(np.searchsorted(edge, runs.keys[key][chosen], side="right") - 1, 0, fields - 1)

@@ -19,13 +19,14 @@ from indent_sim.studies.parameter_values import (
     Setting,
     StiffnessMultiple,
 )
-from indent_sim.studies.sample import MOST_SAMPLED_KEYS, Sample, SampledRange
+from indent_sim.studies.sample import MAX_SAMPLED_KEYS, Sample, SampledRange
 
 RANGE_KEYS = ("from", "to", "count", "spacing", "unit")
 # Largest number of runs of one study, and of values of one key.
-MOST_RUNS = 1_000_000
-MOST_VALUES = 100_000
-# Largest end of a range: larger than any quantity of a scene; products of two do not overflow.
+MAX_RUNS = 1_000_000
+MAX_VALUES = 100_000
+# Largest end of a range. It exceeds every quantity of a scene, and a product of two does not
+# overflow.
 LARGEST_RANGE_END = 1e100
 
 
@@ -33,7 +34,8 @@ LARGEST_RANGE_END = 1e100
 class ParameterBlock:
     """Grid of parameter points: the product of its axes; the keys of one axis vary together.
 
-    The points of a sample are the first axis of the grid, so that more of them come last.
+    The points of a sample are the first axis of the grid, so that a larger sample appends points at
+    the end.
     """
 
     axes: tuple[tuple[ParameterPoint, ...], ...]
@@ -96,12 +98,12 @@ def read_block(
             axes.append(tuple(zip(*(values[name] for name in zipped_keys), strict=True)))
     if sample is None:
         return ParameterBlock(tuple(axes))
-    if not 1 <= len(ranges) <= MOST_SAMPLED_KEYS:
+    if not 1 <= len(ranges) <= MAX_SAMPLED_KEYS:
         raise _config_error(
             keys,
             source,
-            f"a sample needs 1 to {MOST_SAMPLED_KEYS} ranges here, there are {len(ranges)}",
-            "give ranges {from, to, spacing}, or leave out sample",
+            f"a sample needs 1 to {MAX_SAMPLED_KEYS} ranges here; there are {len(ranges)}",
+            "give ranges {from, to, spacing}, or leave out `sample`",
         )
     return ParameterBlock(tuple(axes), replace(sample, ranges=tuple(ranges.values())))
 
@@ -118,8 +120,8 @@ def _zipped_keys(
         raise _config_error(
             keys,
             source,
-            "must be true, or a list of keys varied here",
-            f"these are {', '.join(values)}",
+            "must be true, or a list of keys of this section",
+            f"its keys are {', '.join(values)}",
         )
     lengths = {key: len(values[key]) for key in zipped_keys}
     if len(set(lengths.values())) > 1:
@@ -140,9 +142,9 @@ def _read_values(values_given: Any, keys: KeyPath, key: str, source: Source) -> 
     if isinstance(values_given, list):
         if not values_given:
             raise _config_error(keys, source, "has no values")
-        if len(values_given) > MOST_VALUES:
+        if len(values_given) > MAX_VALUES:
             raise _config_error(
-                keys, source, f"has {len(values_given)} values, at most {MOST_VALUES} are allowed"
+                keys, source, f"has {len(values_given)} values, at most {MAX_VALUES} are allowed"
             )
         return [
             (key, value, source.location((*keys, index)))
@@ -157,9 +159,9 @@ def _range_values(range_given: Mapping[str, Any], keys: KeyPath, source: Source)
     """Return `count` numbers from `from` to `to`, with linear or logarithmic spacing."""
     first, last, spacing, unit = _range_parts(range_given, keys, source)
     count = range_given.get("count")
-    if type(count) is not int or not 1 <= count <= MOST_VALUES:
+    if type(count) is not int or not 1 <= count <= MAX_VALUES:
         raise _config_error(
-            (*keys, "count"), source, f"must be a whole number from 1 to {MOST_VALUES}"
+            (*keys, "count"), source, f"must be a whole number from 1 to {MAX_VALUES}"
         )
     numbers = (
         np.geomspace(first, last, count) if spacing == "log" else np.linspace(first, last, count)
@@ -194,7 +196,7 @@ def _range_parts(
     """Return the ends of a range, its spacing and its unit."""
     if unknown := [key for key in range_given if key not in RANGE_KEYS]:
         raise _config_error(
-            (*keys, unknown[0]), source, "unknown key", f"a range has {', '.join(RANGE_KEYS)}"
+            (*keys, unknown[0]), source, "unknown key", f"its keys are {', '.join(RANGE_KEYS)}"
         )
     first, last = (_range_end(range_given, end, keys, source) for end in ("from", "to"))
     spacing = range_given.get("spacing", "linear")

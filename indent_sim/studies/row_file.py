@@ -1,8 +1,9 @@
 """Row files of a study: rows and curves of many runs, appended to one HDF5 file per shard.
 
-The datasets of a row file are contiguous and larger than their content. A row is written into its
-place in the file without changing the structure of HDF5, so that a kill at any byte leaves a file
-that opens. A row counts if its checksum is right; its curve and its texts are written before it.
+The datasets of a row file are contiguous and larger than their content. A row is written into
+reserved space without changing the structure of the HDF5 file, so that the file can be opened even
+if the process is killed while it writes. A row counts as complete if its checksum is right; its
+curve and its texts are written before it.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ from indent_sim.results.atomic_files import temporary_path
 from indent_sim.results.result_files import PROGRAM
 
 ROWS_FOLDER = "rows"
-# Numbers and texts of a row, beside its identity and its curve.
+# Names of the numbers and texts of a row, apart from its identity and its curve.
 NUMBERS = (
     "steps_done",
     "force",
@@ -70,9 +71,9 @@ _ROW_TYPE = np.dtype(
 _FIELDS = _ROW_TYPE.names or ()
 _CURVE_TYPE = np.dtype((np.float64, (len(CURVE_COLUMNS),)))
 _TYPES = {"rows": _ROW_TYPE, "curves": _CURVE_TYPE, "texts": np.dtype("u1")}
-# Capacities of the datasets of a new file; they double when they are exhausted.
+# Capacities of the datasets of a new file. A capacity is doubled when it is exhausted.
 _FIRST_CAPACITIES = {"rows": 256, "curves": 4096, "texts": 65536}
-# Longest text of a row [bytes].
+# Largest length of a text of a row [bytes].
 _MAX_TEXT_BYTES = 20_000
 _LAYOUT = 1
 
@@ -109,14 +110,14 @@ class RowFile:
         except (OSError, KeyError, ValueError, TypeError) as error:
             raise UsageError(
                 f"{path} is not a readable file of rows: {error}",
-                "move it away; its rows are computed again by --resume",
+                "move it to another folder; --resume then computes its rows again",
                 str(path),
             ) from None
         self.numbers = _complete_rows(self._maps["rows"])
 
     @property
     def is_finished(self) -> np.ndarray:
-        """True for each complete row that would be the same if its run were repeated."""
+        """True for each complete row that need not be computed again."""
         rows = self._maps["rows"][self.numbers]
         is_finished = np.ones(len(rows), dtype=bool)
         for position in np.flatnonzero(rows["exit_code"]):
@@ -145,7 +146,7 @@ class RowFile:
         return RunRow(fields["settings"], fields["physics"], cells, curve)
 
     def _text(self, fields: Mapping[str, Any], name: str) -> bytes:
-        """Return one text of a row; empty if its place is outside the file."""
+        """Return one text of a row; empty if its position is outside the file."""
         start = fields[f"{name}_start"]
         return self._maps["texts"][start : start + fields[f"{name}_length"]].tobytes()
 
@@ -171,7 +172,7 @@ class RowWriter:
         self._offsets: dict[str, int] = {}
         self._capacities: dict[str, int] = {}
         self._used = dict.fromkeys(_TYPES, 0)
-        # Places of texts that occur in many rows.
+        # Positions in the file of texts that occur in many rows.
         self._text_places: dict[bytes, int] = {}
 
     def __enter__(self) -> Self:
@@ -190,14 +191,14 @@ class RowWriter:
     def __exit__(self, *error: object) -> None:
         try:
             os.fsync(self._descriptor)
-            # The unused ends of the datasets are left out.
+            # The file is written again without the unused ends of its datasets.
             with suppress(OSError), defer_signals():
                 self._move_to_new_file({name: max(1, size) for name, size in self._used.items()})
         finally:
             self._close()
 
     def append(self, row: RunRow) -> None:
-        """Append a row, which is kept from then on even if the process is killed."""
+        """Append a row; once this returns, the row survives a kill of the process."""
         with defer_signals():
             self._append_row(row)
 
@@ -226,18 +227,19 @@ class RowWriter:
         os.fsync(self._descriptor)
 
     def _text_place(self, text: bytes) -> int:
-        """Return the place of a text in the file, and append it unless it is there already."""
+        """Return the position of a text in the file; append it if it is not there yet."""
         if text in self._text_places:
             return self._text_places[text]
         place = self._append("texts", np.frombuffer(text, np.uint8))
-        # Number of texts whose places are remembered: words and messages without numbers.
+        # Largest number of texts whose positions are remembered. Repeated texts are words and
+        # messages without numbers.
         max_remembered = 64
         if len(self._text_places) < max_remembered:
             self._text_places[text] = place
         return place
 
     def _append(self, name: str, values: np.ndarray) -> int:
-        """Write values behind the content of a dataset, and return the place of the first one."""
+        """Write values after the content of a dataset, and return the position of the first one."""
         start = self._used[name]
         end = start + len(values)
         if end > self._capacities[name]:
@@ -252,7 +254,7 @@ class RowWriter:
         return start
 
     def _find_end(self) -> None:
-        """Find the ends of the datasets behind the last complete row."""
+        """Find the ends of the datasets after the last complete row."""
         rows = RowFile(self._path)
         if not len(rows.numbers):
             return
@@ -264,7 +266,7 @@ class RowWriter:
         )
 
     def _open_file(self) -> None:
-        """Open the file for writing, and find the places of its datasets."""
+        """Open the file for writing, and find the positions of its datasets."""
         with open_regular_file(self._path, links=False) as stream:
             places = _dataset_places(stream)
         self._offsets = {name: place for name, (place, _) in places.items()}
@@ -292,7 +294,7 @@ class RowWriter:
     def _content(self, name: str) -> Iterator[bytes]:
         """Yield the content of a dataset in blocks."""
         size = self._used[name] * _TYPES[name].itemsize
-        # Bytes of a block.
+        # Size of a block [bytes].
         block_size = 1 << 22
         for start in range(0, size, block_size):
             length = min(block_size, size - start)
@@ -343,7 +345,7 @@ class RowIndex:
         return self._find("physics", physics, is_finished=True)
 
     def settings_of(self, physics: int) -> set[int]:
-        """Return the settings of all rows of a physics."""
+        """Return the checksums of the settings of all rows with the given physics."""
         keys = self._keys["physics"]
         first, end = (np.searchsorted(keys, np.uint64(physics), side) for side in ("left", "right"))
         positions = self._orders["physics"][first:end]
@@ -355,7 +357,7 @@ class RowIndex:
 
     @property
     def physics(self) -> np.ndarray:
-        """Physics of all finished rows, sorted."""
+        """Checksums of the physics of all finished rows, sorted."""
         order = self._orders["physics"]
         return self._keys["physics"][self._is_finished[order]]
 
@@ -382,7 +384,7 @@ def row_files(folder: Path) -> list[Path]:
 
 def is_failure_of_machine(exit_code: int, reason: str) -> bool:
     """Return whether a run was stopped from outside, or ran out of memory or disk space."""
-    # The signals HUP, INT, BUS, KILL, TERM and XCPU, as exit codes.
+    # Exit codes of processes that were ended by the signals HUP, INT, BUS, KILL, TERM and XCPU.
     machine_codes = {128 + number for number in (1, 2, 7, 9, 15, 24)}
     return exit_code in machine_codes or reason.startswith(("MemoryError", "cannot write results"))
 
@@ -393,7 +395,7 @@ def _joined(parts: Iterable[np.ndarray], dtype: Any) -> np.ndarray:
 
 
 def _create_file(path: Path, capacities: Mapping[str, int]) -> None:
-    """Create a file with empty datasets; it has its name only when it is complete."""
+    """Create a file with empty datasets; it gets its name only when it is complete."""
     import h5py
 
     new_path = path.with_name(f".{path.name}.empty")
@@ -404,7 +406,7 @@ def _create_file(path: Path, capacities: Mapping[str, int]) -> None:
         file.attrs["rows without a checksum"] = "empty: the run has not ended"
         properties = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
         properties.set_layout(h5py.h5d.CONTIGUOUS)
-        # The space is reserved and the file keeps its structure from now on.
+        # The space is now reserved, and the structure of the file no longer changes.
         properties.set_alloc_time(h5py.h5d.ALLOC_TIME_EARLY)
         properties.set_fill_time(h5py.h5d.FILL_TIME_NEVER)
         for name, capacity in capacities.items():
@@ -417,7 +419,7 @@ def _create_file(path: Path, capacities: Mapping[str, int]) -> None:
 
 
 def _dataset_places(stream: BinaryIO) -> dict[str, tuple[int, int]]:
-    """Return the place in the file [bytes] and the capacity of each dataset of a row file."""
+    """Return the position in the file [bytes] and the capacity of each dataset of a row file."""
     import h5py
 
     # HDF5 reads the stream itself: another process may replace the file of this name meanwhile.
@@ -450,7 +452,7 @@ def _map_datasets(path: Path) -> dict[str, np.ndarray]:
 def _complete_rows(rows: np.ndarray) -> np.ndarray:
     """Return the numbers of the rows whose checksum is right."""
     complete: list[np.ndarray] = []
-    # Rows whose checksums are computed at a time.
+    # Number of rows whose checksums are computed at a time.
     block_size = 4096
     for start in range(0, len(rows), block_size):
         block = rows[start : start + block_size]
@@ -479,7 +481,7 @@ def _text_bytes(value: object) -> bytes:
 
 
 def _number_of(name: str, value: float) -> float | int | None:
-    """Return a number of a row as it was before it was written."""
+    """Return a number as it was before it was written to a row; None for an empty cell."""
     if not math.isfinite(value):
         return None
     return int(value) if name in WHOLE_NUMBERS else value

@@ -1,4 +1,4 @@
-"""Study whose runs are rows without folders: its shards, and the table that merges them."""
+"""Execution of a study without result folders: its shards, and the table that merges them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from indent_sim.studies.row_file import ROWS_FOLDER, gather_lock, row_files
 from indent_sim.studies.row_table import RowTable
 from indent_sim.studies.study_file import StudyFile
 
-# Studies with more rows are not read back into memory.
+# Largest number of rows of a table that is read back into memory.
 MAX_ROWS_IN_MEMORY = 10_000
 
 
@@ -53,7 +53,7 @@ def execute_row_study(
     keeps_rows = resume or gather or shard is not None
     if not (keeps_rows or overwrite) and row_files(directory / ROWS_FOLDER):
         raise UsageError(
-            f"{directory} has the rows of an earlier study",
+            f"{directory} contains the rows of an earlier study",
             "--resume keeps them, --overwrite deletes them, or choose another --output",
             str(directory),
         )

@@ -1,4 +1,4 @@
-"""Table of a study whose runs are rows: study.csv and curves, merged from the files of all shards.
+"""Table of a study without result folders: study.csv and curves, merged from all shards.
 
 The rows are read and written one after another, so that a table of a million rows needs no more
 memory than a small one.
@@ -88,7 +88,7 @@ class RowTable:
             yield row, empty if found is None else found.curve
 
     def _find(self, request: RunRequest) -> RunRow | None:
-        """Return the row of a request; None if it is not there, or damaged."""
+        """Return the row of a request; None if it has not been computed, or is damaged."""
         try:
             return self._index.find(self._checksum(request))
         except UsageError:
@@ -137,7 +137,7 @@ class RowTable:
             counts.add(row, len(curve))
             curves.append(row["index"], curve)
             writer.writerow([study_table.cell_text(row[name]) for name in columns])
-            # Characters that are collected before they are written.
+            # Number of characters that are collected before they are written.
             block_size = 1 << 16
             if text.tell() > block_size:
                 yield text.getvalue()

@@ -1,4 +1,4 @@
-"""Runs of a study whose results are rows: many of them one after another in one process."""
+"""Worker that computes rows of a study: many runs without result folders, one after another."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from indent_sim.studies.worker import Job, run_job
 
 @dataclass(frozen=True)
 class RequestedRow:
-    """Requested row: its place in the study, the checksum of its settings, and its scene."""
+    """Requested row: its index in the study, the checksum of its settings, and its scene."""
 
     index: int
     settings: int
@@ -42,7 +42,7 @@ class RowBatch:
     known_physics
         Physics of rows that need not be computed again, sorted.
     runs_folder
-        Folder for the result folders of runs that fail; None if they get none.
+        Folder for the result folders of failed runs; None if failed runs get none.
     """
 
     common_settings: ParameterPoint
@@ -53,7 +53,7 @@ class RowBatch:
 
 @dataclass(frozen=True)
 class FinishedBatch:
-    """Rows of a batch, and the checksums of settings whose physics is known already.
+    """Results of a batch: computed rows, and settings with the physics of a known row.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Run of interest: one run of a study, made again with its result folder."""
+"""One run of a study, repeated on its own with a result folder."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from indent_sim.studies.row_file import ROWS_FOLDER, RowIndex
 from indent_sim.studies.settings_checksum import SettingsChecksum
 from indent_sim.studies.study_file import RunRequest, StudyFile
 
-# Digits of the number of a row in study.csv, at most; the id of a run has 16.
+# Largest number of digits of the index of a row in study.csv; the id of a run has 16 digits.
 MAX_NUMBER_DIGITS = 9
 ID_LENGTH = 16
 
@@ -24,7 +24,7 @@ ID_LENGTH = 16
 def execute_run(
     study_input: Path | str | Mapping[str, Any], name: str, *, output: Path | None = None
 ) -> Path:
-    """Make one run of a study, with its result folder, and return the folder.
+    """Perform one run of a study and return its result folder.
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ def execute_run(
 
 
 def _find_case(study: StudyFile, directory: Path, name: str) -> Case:
-    """Return the case of a name, an id or a number; raise UsageError if there is none."""
+    """Return the case with a name, an id or a row number; raise UsageError if there is none."""
     build_case = CaseBuilder(study.common_settings)
     for index, request in _candidates(study, directory, name):
         case = build_case(index, request)
@@ -69,7 +69,7 @@ def _find_case(study: StudyFile, directory: Path, name: str) -> Case:
 
 
 def _candidates(study: StudyFile, directory: Path, name: str) -> Iterator[tuple[int, RunRequest]]:
-    """Yield the requests among which the run of a name is, with their indices."""
+    """Yield the requests, with their indices, one of which may be the run with this name."""
     requests = enumerate(study.iterate_requests())
     if _is_number(name):
         yield from islice(requests, max(0, int(name) - 1), max(0, int(name)))

@@ -53,13 +53,14 @@ def execute_study(
     resume
         Keep finished runs and continue interrupted ones.
     shard
-        (i, n): perform every n-th run, starting with the i-th (from 1), and write no table.
+        (i, n): perform every n-th run, beginning with the i-th (counted from 1), and write no
+        table.
     jobs
         Number of runs at the same time, each in its own process.
     overwrite
         Replace finished runs that are not part of this study.
     gather
-        Write the table of the runs that are there, and perform none.
+        Write the table of the runs that exist, without performing any.
     tell
         Function that is called with each line of progress.
 
@@ -77,7 +78,7 @@ def execute_study(
     """
     study = study_file.read(study_input)
     if gather and (shard is not None or overwrite):
-        raise UsageError("--gather merges what all shards have computed: no --shard, --overwrite")
+        raise UsageError("--gather merges all shards; leave out --shard and --overwrite")
     if not study.keeps_all_runs:
         directory = output or study.directory
         return row_study.execute_row_study(
@@ -155,7 +156,8 @@ def _draw_pictures(
     directory = study.directory
     keys = study.keys
     title = study.title
-    # Scenes with published values differ in everything: their curves have no common axes.
+    # The scenes of a study with published values have nothing in common, so that their curves have
+    # no common axes.
     comparable_cases = [] if study.scoreboard else cases
     curve_groups = curve_table.group_case_curves(comparable_cases, keys, results_by_id)
     study_picture.draw_cost(

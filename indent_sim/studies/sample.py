@@ -15,10 +15,10 @@ from indent_sim.studies.parameter_values import ParameterPoint, StiffnessMultipl
 
 SAMPLE_KEYS = ("method", "count", "seed")
 SAMPLE_METHODS = ("sobol", "latin_hypercube")
-# Most points of a sample. A Latin hypercube is made as a whole.
-MOST_POINTS = {"sobol": 1_000_000, "latin_hypercube": 100_000}
-# Most keys that are sampled together.
-MOST_SAMPLED_KEYS = 50
+# Largest number of points of a sample. A Latin hypercube is made as a whole, in memory.
+MAX_SAMPLE_POINTS = {"sobol": 1_000_000, "latin_hypercube": 100_000}
+# Largest number of keys that are sampled together.
+MAX_SAMPLED_KEYS = 50
 
 
 @dataclass(frozen=True)
@@ -101,7 +101,7 @@ class Sample:
 
     def _blocks(self) -> Iterator[np.ndarray]:
         """Yield points of the unit cube in blocks; (rows, ranges)."""
-        # Imported here since it takes a second, and most studies have no sample.
+        # This import takes a second, which studies without a sample need not spend.
         from scipy.stats import qmc
 
         dimension = len(self.ranges)
@@ -116,14 +116,14 @@ def scrambled_blocks(dimension: int, seed: int) -> Iterator[np.ndarray]:
     from scipy.stats import qmc
 
     sequence = qmc.Sobol(dimension, seed=seed)
-    # A power of 2, as the sequence requires.
+    # The number of points in a block is a power of 2, as a Sobol sequence requires.
     block_size = 1024
     while True:
         yield sequence.random(block_size)
 
 
 def _values(sampled: SampledRange, fractions: np.ndarray) -> list[float | StiffnessMultiple]:
-    """Return the values of a sampled key, rounded as the values of other ranges are."""
+    """Return the values of a sampled key, with the same rounding as those of other ranges."""
     values = [float(f"{value:.12g}") for value in sampled.values_at(fractions).tolist()]
     return [StiffnessMultiple(value) for value in values] if sampled.is_stiffness else list(values)
 
@@ -132,16 +132,16 @@ def read_sample(section: Mapping[str, Any], source: Source) -> Sample:
     """Read the section `sample` of a study; raise ConfigError for an invalid one."""
     if unknown := [key for key in section if key not in SAMPLE_KEYS]:
         raise _sample_error(
-            unknown[0], source, "unknown key", f"a sample has {', '.join(SAMPLE_KEYS)}"
+            unknown[0], source, "unknown key", f"the keys of a sample are {', '.join(SAMPLE_KEYS)}"
         )
     method = section.get("method", "sobol")
     if method not in SAMPLE_METHODS:
         raise _sample_error("method", source, f"must be {' or '.join(SAMPLE_METHODS)}")
     count = section.get("count")
     seed = section.get("seed", 0)
-    if type(count) is not int or not 1 <= count <= MOST_POINTS[method]:
+    if type(count) is not int or not 1 <= count <= MAX_SAMPLE_POINTS[method]:
         raise _sample_error(
-            "count", source, f"must be a whole number from 1 to {MOST_POINTS[method]}"
+            "count", source, f"must be a whole number from 1 to {MAX_SAMPLE_POINTS[method]}"
         )
     if type(seed) is not int or not 0 <= seed < 2**32:
         raise _sample_error("seed", source, "must be a whole number from 0 to 4294967295")

@@ -1,4 +1,4 @@
-"""Numbers of the keys of a scene document with settings, for conditions between keys."""
+"""Numbers of the keys of a scene with changed settings, for conditions between keys."""
 
 from __future__ import annotations
 
@@ -46,11 +46,14 @@ class SceneNumbers:
             if key_path(key) in quantities:
                 return quantities[key_path(key)][1]
         problem = "has no number in this study"
-        remedy = "write the number in the scene, in set or in vary; auto is not known here"
+        remedy = (
+            "write a number for it in the scene, in set or in vary; a value of auto does "
+            "not suffice"
+        )
         raise ConfigError(key, problem, remedy, *self._source.location(key_path(key)))
 
     def _value(self, key: str, settings: Sequence[Setting]) -> Any:
-        """Return the value of a key: that of the last setting of it or of a section around it."""
+        """Return the value of a key from its last setting, or from that of a section around it."""
         path = key_path(key)
         for set_key, value, _ in reversed(settings):
             set_path = key_path(set_key)

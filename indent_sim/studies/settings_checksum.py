@@ -15,8 +15,8 @@ from indent_sim.studies.study_file import RunRequest, StudyFile
 class SettingsChecksum:
     """Checksum of the scene's document and of the settings that change it.
 
-    The same settings give the same physics; other settings may do so, too. Titles and outputs have
-    no part in it. A file that the scene names counts with its size and the time of its last change.
+    The same settings give the same physics; other settings may do so, too. Titles and outputs do
+    not affect it. A file that the scene names counts with its size and the time of its last change.
     """
 
     def __init__(self, study: StudyFile):

@@ -1,4 +1,4 @@
-"""Shard of a study whose runs are rows: the missing rows are computed and appended to its file."""
+"""Shard of a study without result folders: missing rows are computed and appended to a file."""
 
 from __future__ import annotations
 
@@ -29,18 +29,18 @@ from indent_sim.studies.settings_checksum import SettingsChecksum
 from indent_sim.studies.study_file import StudyFile
 
 ReportLine = Callable[[str], None]
-# Points that are checked before the first run.
+# Number of points that are checked before the first run.
 CHECKED_POINTS = 20
-# Rows of one batch, at most, and the seconds that a batch is to take.
+# Largest number of rows of a batch, and intended duration of a batch [s].
 MAX_BATCH = 64
 BATCH_SECONDS = 0.5
-# Rows of scenes by theory, and of meshed scenes, after which a process is replaced by a new one: it
-# bounds the memory that the libraries keep.
+# Numbers of rows, by theory and on meshes, after which a process is replaced by a new one. This
+# bounds the memory that the libraries do not release.
 MAX_ROWS_OF_A_PROCESS = 5000
 MAX_MESHED_ROWS_OF_A_PROCESS = 100
-# Failed runs of a shard that get a result folder.
+# Largest number of failed runs of a shard that get a result folder.
 MAX_FAILED_FOLDERS = 100
-# Seconds between lines of progress, and between writes that wait for the disk.
+# Time between lines of progress, and between synchronizations with the disk [s].
 PROGRESS_SECONDS = 10.0
 SYNC_SECONDS = 1.0
 
@@ -68,7 +68,7 @@ def check_first_points(study: StudyFile) -> float:
             last_error = error
     if memories:
         return max(memories)
-    # An error of every point belongs to the scene and needs no name of a run.
+    # An error that all points have belongs to the scene; its message need not name a run.
     raise last_error if len(errors) == 1 else ConfigErrors.combine(list(errors.values()))
 
 
@@ -184,7 +184,7 @@ class _ShardExecution:
         self._tell(f"{self._done_count} rows computed")
 
     def _pending_rows(self) -> Iterator[RequestedRow]:
-        """Yield the requested rows of this shard that are not there yet."""
+        """Yield the requested rows of this shard that have not been computed yet."""
         index, count = self._shard
         requests = enumerate(self._study.iterate_requests())
         known_count = 0
@@ -195,7 +195,7 @@ class _ShardExecution:
             else:
                 yield RequestedRow(place, settings, request)
         if known_count:
-            self._tell(f"{known_count} rows were there already")
+            self._tell(f"{known_count} rows had been computed before")
 
     def _next_rows(self, pending: Iterator[RequestedRow]) -> Sequence[RequestedRow]:
         """Return the rows of the next batch; empty if there are none."""
@@ -251,7 +251,7 @@ class _ShardExecution:
         self._done_count += 1
 
     def _append_known(self, settings: int, physics: int) -> None:
-        """Append a row of the same physics again, under other settings."""
+        """Append a copy of a row with the same physics, under other settings."""
         row = self._index.find_physics(physics)
         assert row is not None
         self._writer.append(RunRow(settings, physics, row.cells, row.curve))
@@ -263,7 +263,7 @@ class _ShardExecution:
         self._batch_size = max(1, min(wanted_size, 2 * row_count, MAX_BATCH))
 
     def _report_progress(self) -> None:
-        """Write a line of progress, and wait for the disk, if it is time."""
+        """At regular times write a line of progress, and wait until the rows are on the disk."""
         now = time.monotonic()
         if now - self._last_sync > SYNC_SECONDS:
             self._writer.sync()

@@ -28,12 +28,12 @@ MAX_PANEL_ROWS = 4
 # Largest number of panels over a varied number.
 MAX_NUMBER_PANELS = 3
 DASHES = ("-", (0, (4, 2)), (0, (1, 1.5)), (0, (5, 1.5, 1, 1.5)))
-# The axis of a varied number is logarithmic beyond this ratio of its ends.
+# The axis of a varied number is logarithmic if the ratio of its ends exceeds this.
 LOG_NUMBER_RATIO = 20.0
-# Results of many runs are on a logarithmic axis beyond this ratio: on a linear one half of the
-# curves would lie on zero.
+# The axis of results is logarithmic if their ratio exceeds this. On a linear axis half of the
+# curves would be indistinguishable from zero.
 LOG_RESULT_RATIO = 30.0
-# A logarithmic axis with a larger ratio of its ends has ticks only at 1, 2 and 5 of a decade.
+# A logarithmic axis with a larger ratio of its ends has ticks only at 1, 2 and 5 in each decade.
 FEW_TICKS_RATIO = 6.0
 # Width and height of a panel over a number [inches].
 PANEL_SIZE = (4.2, 3.4)
@@ -90,7 +90,7 @@ def assign_roles(curve_groups: CurveGroups) -> KeyRoles:
     ):
         candidates = [key for key in remaining_keys if counts[key] <= max_values]
         if not candidates and role == "across":
-            # Panels for a part of the values of a key are then shown.
+            # If a key has too many values for every role, panels are shown for some of them.
             candidates = remaining_keys
         if candidates:
             keys_by_role[role] = candidates[0]
@@ -141,7 +141,7 @@ def small_multiples_figure(curve_groups: CurveGroups, title: str) -> Iterator[Fi
 
 
 def _subtitle(curve_groups: CurveGroups, key_roles: KeyRoles, across: Sequence[str]) -> str:
-    """Return the number of runs, and the values and keys that the picture does not show."""
+    """Return the number of runs, and which values and keys the picture does not show."""
     parts = [f"{len(curve_groups.curves)} runs", "each force at the depth of its run"]
     value_count = len(_value_names(curve_groups, key_roles.across)) if key_roles.across else 0
     if value_count > len(across):
@@ -270,7 +270,7 @@ def _scale_axes(axes: Axes, runs: Sequence[Results], depth: Axis, force: Axis) -
         values = np.concatenate([run[column] for run in runs])
         positive_values = convert(values[values > 0])
         ratio = value_ratio(positive_values)
-        if ratio == 1:  # All runs have one step at the same depth.
+        if ratio == 1:  # If all runs have a single row at the same depth, the axis needs a range.
             continue
         set_scale("log")
         margin = max(min_margin, ratio**exponent)
@@ -508,14 +508,14 @@ def draw_column_into(axes: Axes, curve_groups: CurveGroups, column: str) -> None
     Raises
     ------
     UsageError
-        For the reasons of `column_figure`, and if the column needs several panels.
+        If no number varies, no run has this column, or the column needs several panels.
     """
     panel_keys = _keys_of_panels(curve_groups, column)
     if len(panel_keys) > 1:
         keys = ", ".join(key for keys in panel_keys for key in keys)
         raise UsageError(
-            f"ax is for one panel, but {column} has {len(panel_keys)}: over {keys}",
-            "plot it without ax",
+            f"ax is one panel, but {column} needs {len(panel_keys)}: over {keys}",
+            "leave out the argument ax",
         )
     _draw_column([axes], curve_groups, column, panel_keys)
     if axes.get_legend_handles_labels()[1]:
@@ -557,7 +557,7 @@ def _draw_column(
         draw_map(panels[0], curve_groups, panel_keys[0], values, label)
         return
     number_keys = [key for (key,) in panel_keys]
-    _draw_over_each(panels, curve_groups, number_keys, (values, label))
+    _draw_column_over_numbers(panels, curve_groups, number_keys, (values, label))
     if column == "penetration" and number_keys == [STIFFNESS_KEY]:
         _draw_pressure_over_stiffness(panels[0], curve_groups)
         stiffness_ratio = value_ratio(curve_groups.key_numbers(STIFFNESS_KEY))
@@ -566,13 +566,13 @@ def _draw_column(
             panels[0].set_yscale("log")
 
 
-def _draw_over_each(
+def _draw_column_over_numbers(
     panels: Sequence[Axes],
     curve_groups: CurveGroups,
     number_keys: Sequence[str],
     values_and_label: tuple[Sequence[float], str],
 ) -> None:
-    """Draw a column over each of several numbers; a few lines are named by the other keys."""
+    """Draw a column over each of several varied numbers, one number in each panel."""
     other_keys = [key for key in curve_groups.keys if key not in number_keys]
     names = curve_groups.value_names(other_keys)
     group_names = list(dict.fromkeys(names))

@@ -13,7 +13,8 @@ from indent_sim.studies.sample import Sample, scrambled_blocks
 from indent_sim.studies.study_file import StudyFile
 from indent_sim.studies.surrogate import Surrogate
 
-# Independently scrambled sequences, whose scatter is the error, and blocks of 1024 points of each.
+# Number of independently scrambled sequences, whose scatter gives the error, and of blocks of 1024
+# points in each.
 REPLICATES = 8
 BLOCKS = 8
 # Student's factor of a 95 % interval for REPLICATES - 1 degrees of freedom.
@@ -30,7 +31,7 @@ class SobolIndices:
     first
         Share of the variance that a variable causes alone.
     total
-        Share of the variance that a variable causes alone and together with others.
+        Share of the variance that a variable causes alone or together with others.
     error
         Half-width of the 95 % interval of both.
     """
@@ -72,8 +73,9 @@ def indices_of_study(study: StudyFile, surrogate: Surrogate) -> dict[str, dict[s
         return surrogate(values)
 
     indices = sobol_indices(function, len(sample.ranges))
-    # A residual with the share q of the variance changes the standard deviation that a variable
-    # causes by at most sqrt(q), and the whole variance by a share of at most 2 sqrt(q) + q.
+    # If the error of the surrogate has the share q of the variance, it changes the standard
+    # deviation that a variable causes by at most sqrt(q), and the whole variance by a share of at
+    # most 2 sqrt(q) + q.
     share = float(surrogate.error["variance_share"])
     own_error = 2 * np.sqrt(share * np.abs(indices.total)) + share
     own_error += np.abs(indices.total) * (2 * np.sqrt(share) + share)

@@ -30,7 +30,7 @@ from indent_sim.studies.condition import (
 )
 from indent_sim.studies.parameter_points import (
     LARGEST_RANGE_END,
-    MOST_RUNS,
+    MAX_RUNS,
     ParameterBlock,
     grid_points,
     read_block,
@@ -59,13 +59,13 @@ STUDY_KEYS = (
     "tolerance",
     "output",
 )
-# Runs that get a result folder; "auto" is all of them up to MOST_FOLDERS_AUTO runs.
+# Runs that get a result folder; "auto" means all runs of a study of up to MAX_AUTO_FOLDERS runs.
 RUN_FOLDERS = ("auto", "all", "failed", "none")
-MOST_FOLDERS_AUTO = 1000
-# Most runs with a folder each.
-MOST_FOLDERS = 100_000
+MAX_AUTO_FOLDERS = 1000
+# Largest number of runs with a folder each.
+MAX_FOLDERS = 100_000
 CASE_KEYS = ("name", "scene", "set", "published", "exact")
-# This column has the names of cases in a study without varied keys.
+# Column of the names of cases, in a study without varied keys.
 CASE_COLUMN = "case"
 
 
@@ -143,7 +143,7 @@ class StudyFile:
     run_folders
         The runs that get a result folder: one of RUN_FOLDERS.
     conditions
-        Conditions that every point must fulfil; the others are left out.
+        Conditions that every point must fulfil; other points are left out.
     """
 
     path: Path
@@ -162,7 +162,7 @@ class StudyFile:
 
     @property
     def point_count(self) -> int:
-        """Number of points, with those that the conditions leave out."""
+        """Number of points, including those that the conditions leave out."""
         return sum(block.size for block in self.blocks) + len(self.named_cases)
 
     @property
@@ -171,7 +171,7 @@ class StudyFile:
         if self.run_folders != "auto":
             return self.run_folders == "all"
         needs_results = self.is_compared or bool(self.named_cases)
-        return needs_results or self.point_count <= MOST_FOLDERS_AUTO
+        return needs_results or self.point_count <= MAX_AUTO_FOLDERS
 
     @property
     def is_compared(self) -> bool:
@@ -232,7 +232,7 @@ def read(study_input: Path | str | Mapping[str, Any]) -> StudyFile:
         The study has an error; the message has file and line.
     """
     if isinstance(study_input, Mapping):
-        # A study that is given as mappings has this name in place of its path.
+        # Name in place of the path of a study that is given as a dictionary.
         path = Path("study")
         document = plain_document(study_input)
         source = Source()
@@ -293,7 +293,7 @@ def _unknown_key_error(key: str, source: Source) -> ConfigError:
     match = closest_match(key, STUDY_KEYS)
     problem = f"unknown key, did you mean '{match}'?" if match else "unknown key"
     remedy = (
-        "it belongs in the base scene, or in set"
+        "it belongs in the base scene, or in the section `set`"
         if key in allowed_keys_at((), {})
         else f"valid here: {', '.join(STUDY_KEYS)}"
     )
@@ -366,16 +366,18 @@ class _StudyReader:
             if key in self.document:
                 raise self.config_error(
                     (key,),
-                    "cannot be combined with cases",
+                    "cannot be combined with `cases`",
                     "each case has its own scene, set, published and exact",
                 )
         raw_cases = self.document["cases"]
         if not isinstance(raw_cases, list) or not raw_cases:
             raise self.config_error(
-                ("cases",), "must be a list of cases", f"each has {', '.join(CASE_KEYS)}"
+                ("cases",),
+                "must be a list of cases",
+                f"the keys of a case are {', '.join(CASE_KEYS)}",
             )
-        if len(raw_cases) > MOST_FOLDERS:
-            raise self.config_error(("cases",), f"more than {MOST_FOLDERS} runs")
+        if len(raw_cases) > MAX_FOLDERS:
+            raise self.config_error(("cases",), f"more than {MAX_FOLDERS} runs")
         named_cases = tuple(
             self.read_named_case(raw_case, ("cases", index))
             for index, raw_case in enumerate(raw_cases)
@@ -440,7 +442,7 @@ class _StudyReader:
             raise self.config_error(
                 (*case_keys, "exact"),
                 "is allowed only with a published value",
-                "add published, or leave it out",
+                "add `published`, or leave this key out",
             )
         return NamedCase(
             name, base, source, point, published, exact, self.location((*case_keys, "published"))
@@ -549,15 +551,15 @@ class _StudyReader:
             keys: KeyPath = ("vary", index) if is_list else ("vary",)
             if not isinstance(part, dict) or not set(part) - {"zip"}:
                 raise self.config_error(
-                    keys, "must be keys and values, e.g. material.nu: [0.2, 0.3]"
+                    keys, "must be a mapping of keys to values, e.g. material.nu: [0.2, 0.3]"
                 )
             varied_keys = [key for key in part if key != "zip"]
             for key in varied_keys:
                 self.check_key((*keys, key), key)
             self.check_overlaps(varied_keys, keys)
             blocks.append(read_block(part, keys, self.source, sample))
-            if sum(block.size for block in blocks) > MOST_RUNS:
-                raise self.config_error(keys, f"more than {MOST_RUNS} runs")
+            if sum(block.size for block in blocks) > MAX_RUNS:
+                raise self.config_error(keys, f"more than {MAX_RUNS} runs")
         return tuple(blocks)
 
     def read_sample(self) -> Sample | None:
@@ -594,13 +596,13 @@ class _StudyReader:
         return str(folders)
 
     def check_run_folders(self, study: StudyFile) -> None:
-        """Raise ConfigError if a study requests what rows without folders do not have."""
+        """Raise ConfigError if a study without result folders requests what needs them."""
         if study.keeps_all_runs:
-            if study.point_count > MOST_FOLDERS:
+            if study.point_count > MAX_FOLDERS:
                 raise self.config_error(
                     ("output", "runs"),
-                    f"{study.point_count} runs cannot have a folder each: {MOST_FOLDERS} can",
-                    "write failed or none, and leave out compare_to and tolerance",
+                    f"{study.point_count} runs cannot have a folder each: {MAX_FOLDERS} can",
+                    "write output.runs: failed or none, and leave out compare_to and tolerance",
                 )
             return
         needs_results = [key for key in ("compare_to", "tolerance") if key in self.document]
@@ -617,7 +619,7 @@ class _StudyReader:
         for section_key in given_keys:
             for inner_key in [key for key in paths if key.startswith(f"{section_key}.")]:
                 problem = f"contradicts {section_key}, which is set as a whole section"
-                raise self.config_error(paths[inner_key], problem, "give one of the two")
+                raise self.config_error(paths[inner_key], problem, "give only one of the two")
 
     def check_key(self, keys: KeyPath, key: str) -> None:
         """Raise ConfigError if a text is not a scene key that a study may set."""

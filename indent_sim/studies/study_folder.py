@@ -51,7 +51,8 @@ STUDY_FILES = (
     SOBOL_PICTURE,
     RUNS,
 )
-# Pictures that are recognised by their signature, so that no picture of a user is replaced.
+# Pictures of this program, which are recognised by a signature, so that no picture of a user is
+# replaced.
 PICTURES = tuple(name for name in STUDY_FILES if name.endswith(".png") and name != STUDY_PICTURE)
 
 # Longest time to wait until the worker process of a killed study has ended [s].
@@ -177,7 +178,7 @@ class StudyFolder:
         """Read the result of a finished or failed run of this program version, else None."""
         report = read_report(self.run_folder(name))
         if report.get("status") in ("done", "failed") and report.get("version") == VERSION:
-            # A damaged result counts as none.
+            # A damaged result counts as missing.
             with suppress(UsageError):
                 return read_run(self.run_folder(name))
         return None

@@ -39,7 +39,7 @@ from indent_sim.studies.small_multiples import (
 )
 from indent_sim.studies.study_table import Row
 
-# More curves have colours by a key instead of a name each.
+# With more curves than this, colours show a key, and the curves have no names.
 MAX_NAMED_CURVES = 8
 SCOREBOARD_MARK: PlotStyle = {"ls": "", "marker": "o", "ms": 6, "zorder": 3}
 
@@ -62,7 +62,8 @@ def draw_cost(
     ]
     number_key = varying_keys[0] if len(varying_keys) == 1 else None
     groups = _group_rows(compared_rows, keys, number_key)
-    # Each group beyond this number makes the picture higher by this height [inches].
+    # Number of groups for which the legend fits, and additional height for each further group
+    # [inches].
     base_count = 4
     height_per_group = 0.2
     height = 5.0 + height_per_group * max(0, len(groups) - base_count)
@@ -237,12 +238,12 @@ def draw_scoreboard(rows: Sequence[Row], title: str, path: Path) -> None:
     The axis is linear within 0.1 % on both sides of 0 and logarithmic beyond. If there are no exact
     values, the picture is deleted.
     """
-    # The axis begins at the bottom, and the first row is to be on top.
+    # The axis begins at the bottom, but the first row belongs at the top.
     known_rows = [row for row in rows if row["exact"] is not None][::-1]
     if not known_rows:
         path.unlink(missing_ok=True)
         return
-    # Height of a line of the scoreboard [inches].
+    # Height of a row of the scoreboard [inches].
     scoreboard_line_height = 0.27
     with figures.new_figure((9.2, 1.6 + scoreboard_line_height * len(known_rows))) as figure:
         axes = figure.subplots()
@@ -360,10 +361,11 @@ def _draw_force_curves(
             **FORMULA_STYLE,
             label=picture_text(f"{formula['name']}, half-space"),
         )
-        # The curves leave the upper left corner free.
+        # The curves leave space in the upper left corner.
         axes.legend(handles=[line], loc="upper left")
     axes.set(xlabel=depth.label, ylabel=force.label)
-    # Axes are logarithmic beyond this ratio: on linear ones most curves would lie on zero.
+    # Axes are logarithmic if the ratio of their values exceeds this. On linear axes most curves
+    # would be indistinguishable from zero.
     log_ratio = 1000.0
     if value_ratio([run["delta"].max() for run in runs]) >= log_ratio:
         axes.set_xscale("log")
@@ -481,8 +483,8 @@ def _draw_pareto_front(axes: Axes, front: Sequence[Row]) -> list[Row]:
 def _spaced_points(positions: np.ndarray) -> list[int]:
     """Return the indices of points of a front that are far enough apart, with the last point."""
     kept_indices = [len(positions) - 1]
-    # Points nearer than these fractions of the panel's width and height have no room for two
-    # numbers.
+    # Points that are nearer to each other than these fractions of the panel's width and height have
+    # no space for two numbers.
     label_distance = (0.03, 0.045)
     for i in reversed(range(len(positions) - 1)):
         if np.any(np.abs(positions[i] - positions[kept_indices[-1]]) >= label_distance):
@@ -528,7 +530,8 @@ def _draw_legend(
         if len(named_rows) == front_size
         else f"Pareto front, {len(named_rows)} of its {front_size} points"
     ]
-    # Letters of a line of the legend, in which each point of the front has two lines.
+    # Largest number of letters in a line of the legend, in which each point of the front has two
+    # lines.
     max_letters = 44
     for number, row in enumerate(named_rows, start=1):
         first_line, *other_lines = wrap(_point_label(row, value_labels), max_letters) or [""]

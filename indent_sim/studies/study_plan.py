@@ -14,8 +14,6 @@ from indent_sim.studies.reference.reference_solution import ReferenceSolution
 from indent_sim.studies.shard import check_first_points
 from indent_sim.studies.study_table import Row
 
-# Points of a study that are planned if its runs are rows.
-PLANNED_POINTS = 100
 PREDICTED_COLUMNS = ("force", "delta", "dofs", "memory_MB", "seconds")
 
 
@@ -38,8 +36,8 @@ class StudyPlan:
     notes
         Remarks on the reference.
     point_count
-        Number of points of a study whose runs are rows, of which only the first are planned; 0 for
-        other studies, all of whose runs are planned.
+        Number of points of a study without result folders, of which only the first are planned; 0
+        for other studies, all of whose runs are planned.
     """
 
     title: str
@@ -85,11 +83,13 @@ def plan_study(study_input: Path | str | Mapping[str, Any], error_bars: bool = F
     """
     study = study_file.read(study_input)
     point_count = 0
+    # Number of points that are planned in a study without result folders.
+    planned_points = 100
     if study.keeps_all_runs:
         cases, rejected_cases = case_list.resolve_cases(study)
     else:
         check_first_points(study)
-        cases, rejected_cases = case_list.validate_cases(study, PLANNED_POINTS)
+        cases, rejected_cases = case_list.validate_cases(study, planned_points)
         point_count = study.point_count - study.left_out_count()
     scoreboard.check_published_rows(study.named_cases, cases)
     reference = ReferenceSolution(study, cases)

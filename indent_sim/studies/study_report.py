@@ -46,7 +46,8 @@ def study_page(folder: Path) -> str:
         )
     ]
     board_rows = _read_scoreboard(folder)
-    # Scenes with published values differ in everything: their curves have no common axes.
+    # The scenes of a study with published values have nothing in common, so that their curves have
+    # no common axes.
     curve_groups = curve_table.group_folder_curves(
         folder / RUNS, [] if board_rows else rows, record["keys"]
     )
@@ -85,7 +86,7 @@ def study_page(folder: Path) -> str:
 
 
 def _row_study_page(folder: Path) -> str:
-    """Return the HTML page of a study whose runs are rows: pictures, and some rows of its table."""
+    """Return the HTML page of a study without result folders: pictures and some rows."""
     record = read_report(folder, STUDY)
     runs = read_many_runs(folder)
     draw = many_runs_picture
@@ -96,7 +97,7 @@ def _row_study_page(folder: Path) -> str:
     if len(runs.varying_keys) > 1:
         caption = "Runs as dots over pairs of keys, coloured by the force"
         drawn.append((partial(draw.draw_samples, runs), caption))
-        caption = "Force over the two most influential keys, for others"
+        caption = "Force over the two most influential keys, in panels for two other keys"
         drawn.append((partial(draw.draw_maps, runs), caption))
     if sobol := record.get("sobol"):
         draw_indices = partial(draw.draw_sobol_indices, sobol, runs.column, runs.title)

@@ -52,7 +52,8 @@ def make_surrogate(
 ) -> StudySurrogate:
     """Fit a surrogate to the finished table of a study, and write its file into the folder.
 
-    The Sobol indices of the force are written to study.json and sobol.png, if the study has some.
+    If the keys of the study are sampled independently, the Sobol indices of the force are written
+    to study.json and sobol.png.
 
     Parameters
     ----------

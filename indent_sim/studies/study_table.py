@@ -21,7 +21,7 @@ from indent_sim.studies.reference.reference_solution import ReferenceCurve, Refe
 from indent_sim.studies.study_file import StudyFile
 
 STAGES = ("resolve", "companions", "mesh", "assemble", "solve", "write")
-# This column has the name of the run or theory with which a row is compared.
+# Column of the name of the run or theory with which a row is compared.
 REFERENCE_COLUMN = "reference"
 ERROR_COLUMNS = ("force_error_vs", "force_error_worst", "a_error_vs", "p_error_vs")
 STUDY_COLUMNS = (
@@ -205,7 +205,7 @@ def case_row(
     row |= {
         "newton_iterations": int(results["newton_iterations"].sum()) if len(results) else None
     } | _cost_cells(report)
-    # A failed run ended at a smaller depth: its last row is not that of the scene.
+    # A failed run ended at a smaller depth, so that its last row does not answer for the scene.
     if row["status"] != "done":
         return row
     numbers = ("force", "a", "p_max", "penetration")
@@ -281,7 +281,7 @@ def _error_cells(results: Results, reference_curve: ReferenceCurve) -> Row:
     finite_errors = relative_errors[np.isfinite(relative_errors)]
     last_force = results["force"][-1]
     largest = float(np.abs(results["force"]).max())
-    # If the reference force is 0, the error is relative to the largest force of the run.
+    # If the reference force is 0, the error refers to the largest force of the run.
     error: float | None = 0.0
     if force:
         error = _relative_error(last_force, force)
@@ -327,7 +327,7 @@ def rows_with_error(table: Iterable[Row]) -> list[Row]:
 def pareto_front(table: Iterable[Row]) -> list[Row]:
     """Return the rows on the Pareto front of CPU time and force error, sorted by CPU time."""
     front: list[Row] = []
-    # An error below this fraction of another one is truly smaller.
+    # An error counts as smaller than another one if it is below this fraction of it.
     ratio = 0.999
     for row in sorted(
         rows_with_error(table), key=lambda row: (row["cpu_s"], abs(row["force_error_vs"]))

@@ -21,11 +21,11 @@ from indent_sim.studies.condition import ConditionError, parse_condition
 from indent_sim.studies.zonotope import Zonotope
 
 KIND = "surrogate"
-# Largest file [bytes], and most terms and keys of a surrogate.
+# Largest size of the file [bytes], and largest numbers of terms and keys of a surrogate.
 MAX_BYTES = 1_000_000
 MAX_TERMS = 10_000
 MAX_KEYS = 50
-# Relative difference of two numbers of a fixed group that counts as round-off.
+# Relative difference of a fixed group from its value in the study that counts as round-off.
 FIXED_TOLERANCE = 1e-9
 
 
@@ -120,7 +120,8 @@ class Surrogate:
             raise UsageError(
                 f"{np.count_nonzero(~is_inside)} of {len(is_inside)} points are outside the range "
                 f"of the surrogate, the first one at {text}",
-                f"the range is {self.range_text()}; `inside` tells for each point",
+                f"the range is {self.range_text()}; the method `inside` tells which points are "
+                "inside",
             )
         scale = np.exp(_log_product(self.scale, values))
         fitted = self.polynomial(self.unit_points(points))
@@ -197,7 +198,7 @@ class Surrogate:
 
     @cached_property
     def _conditions(self) -> list[Any]:
-        """The parsed conditions; a fixed key without a dimension is known to the fit only."""
+        """The parsed conditions."""
         conditions = map(parse_condition, self.where)
         known = {*self.ranges, *self.fixed}
         return [condition for condition in conditions if known.issuperset(condition.keys)]
@@ -334,7 +335,7 @@ def _surrogate_of(data: Mapping[str, Any]) -> Surrogate:
         data["error"],
         {name: data[name] for name in names if name in data},
     )
-    # A point in the middle of the range has a value, unless the file is damaged.
+    # In an undamaged file the surrogate has a value in the middle of its range.
     middle = {
         key: np.sqrt(low * high) if low > 0 else (low + high) / 2
         for key, (low, high) in ranges.items()

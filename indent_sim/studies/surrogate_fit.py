@@ -31,18 +31,14 @@ from indent_sim.studies.study_file import StudyFile
 from indent_sim.studies.surrogate import Coordinate, Surrogate
 
 SURROGATE_COLUMNS = ("force", "a", "p_max")
-# Rows of the table that are read, and rows that the polynomial is fitted to.
+# Largest number of rows of the table that are read, and to which the polynomial is fitted.
 MAX_ROWS = 50_000
 MAX_FITTED_ROWS = 6_000
 MIN_ROWS = 40
-# Share of the runs that is held out to measure the error.
-HELD_OUT_SHARE = 0.2
-# Most terms of the polynomial: the last ones must not make an evaluation slow.
+# Largest number of terms of the polynomial, so that its evaluation stays fast.
 MAX_TERMS = 700
 MAX_DEGREE = 40
-# Rows for each term.
-ROWS_PER_TERM = 3
-# Keys that belong to the method and not to the problem.
+# Beginnings of keys that belong to the numerical method and not to the mechanical problem.
 METHOD_SECTIONS = ("mesh", "solver")
 METHOD_KEYS = ("accuracy", "contact.epsilon_n", "contact.gamma", "loading.steps")
 CONFIDENCE = 0.95
@@ -94,7 +90,7 @@ def fit_surrogate(
     if column not in SURROGATE_COLUMNS:
         raise UsageError(f"--surrogate {column}: choose one of {', '.join(SURROGATE_COLUMNS)}")
     table = _read_table(study, directory, column)
-    surrogate = _without_polynomial(study, table, column)
+    surrogate = _surrogate_without_polynomial(study, table, column)
     is_held_out = _held_out(len(table.column))
     points = surrogate.unit_points(surrogate.points_of(_all_values(surrogate, table.keys)))
     target = _target(surrogate, table)
@@ -125,7 +121,10 @@ def surrogate_summary(surrogate: Surrogate) -> list[str]:
     ]
     runs = surrogate.information["runs"]
     if runs["failed"]:
-        lines.append(f"{runs['failed']} runs have no result: there the surrogate is a guess")
+        lines.append(
+            f"{runs['failed']} runs have no result: near their points the error of the surrogate "
+            "is unknown"
+        )
     if runs["stated_error"]:
         lines.append(f"the runs themselves state errors up to {runs['stated_error']:.2g}")
     return lines
@@ -149,7 +148,8 @@ def _read_table(study: StudyFile, directory: Path, column: str) -> RunTable:
     except (ValueError, KeyError, csv.Error) as error:
         raise UsageError(
             f"{path} has no numbers of this study ({error})",
-            "run the study again with --resume; a surrogate needs keys that are numbers",
+            "a surrogate needs keys that are numbers; if they are, run the study again with "
+            "--resume",
             str(path),
         ) from None
     return rows
@@ -172,7 +172,7 @@ def _table_rows(stream: io.TextIOBase, keys: Sequence[str], column: str) -> RunT
     return RunTable(values, columns[-2], float(columns[-1].max()), failed)
 
 
-def _without_polynomial(study: StudyFile, table: RunTable, column: str) -> Surrogate:
+def _surrogate_without_polynomial(study: StudyFile, table: RunTable, column: str) -> Surrogate:
     """Return the surrogate with its groups and ranges, before its polynomial is fitted."""
     build_case = CaseBuilder(study.common_settings)
     case = None
@@ -202,11 +202,13 @@ def _without_polynomial(study: StudyFile, table: RunTable, column: str) -> Surro
     }
     for key, values in varying.items():
         if dimensions[key] != DIMENSIONLESS and values.min() <= 0:
-            raise UsageError(f"{key} has values that are not positive: there is no surrogate")
+            raise UsageError(
+                f"{key} has values that are not positive; a surrogate needs positive ones"
+            )
     if not varying:
         raise UsageError("no key of the study varies")
     if negative := [key for key, number in fixed.items() if number.value < 0]:
-        # A negative number has no power; its sign is that of all runs.
+        # A negative number has no fractional power. Its sign is the same in all runs.
         fixed = {key: number for key, number in fixed.items() if key not in negative}
     try:
         groups = find_groups(
@@ -217,7 +219,9 @@ def _without_polynomial(study: StudyFile, table: RunTable, column: str) -> Surro
     except ValueError as error:
         raise UsageError(f"there is no surrogate of {column}: {error}") from None
     if not groups.varied:
-        raise UsageError(f"{column} depends on its scale alone: it needs no surrogate")
+        raise UsageError(
+            f"{column} is a constant times a product of powers of the keys: it needs no surrogate"
+        )
     logarithmic = _logarithmic_keys(study)
     coordinates = tuple(
         Coordinate(_numbers(powers), len(powers) > 1 or _only_key(powers) in logarithmic)
@@ -291,7 +295,7 @@ def _all_values(surrogate: Surrogate, keys: Mapping[str, np.ndarray]) -> dict[st
 
 
 def _target(surrogate: Surrogate, table: RunTable) -> np.ndarray:
-    """Return the numbers that the polynomial is fitted to."""
+    """Return the values to which the polynomial is fitted."""
     values = _all_values(surrogate, table.keys)
     logarithm = sum(power * np.log(values[key]) for key, power in surrogate.scale.items())
     scaled = table.column * np.exp(-np.asarray(logarithm))
@@ -299,14 +303,18 @@ def _target(surrogate: Surrogate, table: RunTable) -> np.ndarray:
 
 
 def _held_out(count: int) -> np.ndarray:
-    """Return which runs are held out: a random fifth of them."""
+    """Return a mask of the runs that are held out of the fit: a random fifth of them."""
     seed = 20261127
-    return np.random.default_rng(seed).random(count) < HELD_OUT_SHARE
+    # Share of the runs that is held out of the fit to measure the error.
+    held_out_share = 0.2
+    return np.random.default_rng(seed).random(count) < held_out_share
 
 
 def _fit(points: np.ndarray, target: np.ndarray) -> ChebyshevSum:
     """Fit a polynomial, with the degrees of the smallest leave-one-out error."""
-    max_terms = min(MAX_TERMS, len(points) // ROWS_PER_TERM)
+    # Number of rows for each term of the polynomial.
+    rows_per_term = 3
+    max_terms = min(MAX_TERMS, len(points) // rows_per_term)
 
     def error_of(degrees: Sequence[int]) -> float:
         indices = index_tuples(degrees)
@@ -316,12 +324,13 @@ def _fit(points: np.ndarray, target: np.ndarray) -> ChebyshevSum:
 
     degrees = [1] * points.shape[1]
     best = error_of(degrees)
-    # Numbers by which a degree is increased: an even function has no use for one more.
+    # Increments of a degree. A larger one than 1 is needed, since one more degree does not improve
+    # an even function.
     steps = (1, 2, 4)
     while True:
         candidates = list(_increased(degrees, steps))
         errors = [error_of(candidate) for candidate in candidates]
-        # An error that decreases by less is noise.
+        # A smaller decrease of the error is noise.
         if not errors or min(errors) > 0.98 * best:
             break
         place = int(np.argmin(errors))
@@ -342,7 +351,7 @@ def _increased(degrees: Sequence[int], steps: Sequence[int]) -> Iterator[list[in
 
 def _leave_one_out_error(points: np.ndarray, target: np.ndarray, indices: np.ndarray) -> float:
     """Return the root-mean-square error of runs that are left out of the fit one at a time."""
-    # Runs that suffice to compare two polynomials.
+    # Largest number of runs with which two polynomials are compared.
     rows = min(len(points), max(1000, 2 * len(indices)))
     q, _ = scipy.linalg.qr(design_matrix(points[:rows], indices), mode="economic")
     residuals = target[:rows] - q @ (q.T @ target[:rows])
@@ -371,10 +380,10 @@ def _errors(
 
 
 def _bounded_quantile(count: int) -> tuple[float, int]:
-    """Return a quantile, and the place of the sorted error that bounds it with CONFIDENCE.
+    """Return a quantile, and the index of the sorted error that bounds it with CONFIDENCE.
 
-    The k-th smallest of n errors exceeds the quantile q with the probability that less than k of n
-    errors are below the quantile.
+    The k-th smallest of n errors exceeds the quantile q with the probability that fewer than k of
+    the n errors are below the quantile.
     """
     for quantile in (0.99, 0.95, 0.9):
         places = np.arange(count)

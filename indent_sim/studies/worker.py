@@ -48,8 +48,8 @@ class Worker:
 
     def begin_job(self, job: Job) -> None:
         """Begin a job; `wait_for_job` returns its exit status."""
-        # A new process after this number of jobs bounds the memory that PETSc and compiled
-        # forms keep: about half a MB of each run.
+        # After this number of jobs a new process is started. This bounds the memory that PETSc and
+        # compiled forms keep, about half a MB for each run.
         max_jobs_of_a_process = 100
         if self._job_count % max_jobs_of_a_process == 0:
             self.stop()
@@ -94,7 +94,7 @@ def run_job(job: Job) -> ExitStatus:
                 return 0, ""
         pipeline.simulate(job.config, directory=job.directory, overwrite=True)
     except (UsageError, BackendError):
-        # The environment is at fault, not this run: the next run would end in the same way.
+        # The environment caused the failure, so that the next run would end in the same way.
         raise
     except IndentSimError as error:
         return error.exit_code, str(error)

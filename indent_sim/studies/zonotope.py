@@ -7,8 +7,6 @@ from math import comb
 
 import numpy as np
 
-# Most facets of a zonotope; with more of them only its bounding box is used.
-MAX_FACETS = 2000
 # Relative distance outside a facet that counts as round-off.
 TOLERANCE = 1e-9
 
@@ -28,7 +26,9 @@ class Zonotope:
         self.center = center
         self.half_widths = np.abs(generators).sum(axis=0)
         normals = [np.eye(len(center))]
-        if comb(len(generators), len(center) - 1) <= MAX_FACETS:
+        # Largest number of facets of a zonotope; with more of them only its bounding box is used.
+        max_facets = 2000
+        if comb(len(generators), len(center) - 1) <= max_facets:
             normals.append(_facet_normals(generators / self.half_widths) / self.half_widths)
         self._normals = np.vstack(normals)
         self._distances = np.abs(generators @ self._normals.T).sum(axis=0)

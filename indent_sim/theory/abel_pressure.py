@@ -43,7 +43,7 @@ class LayerPressure:
         s, w = gauss_legendre(0.0, 1.0, abel_point_count(self.a))
         t = np.hypot(r[:, None], chord[:, None] * s)
         if len(r) == 1:
-            # A polynomial would cost more than one radius.
+            # For a single radius the integral is cheaper than a polynomial.
             return -chord * (self.modes @ self.kernel.slope_over_x(t[0]) @ w)
         return -chord * (self._slope_over_t(t) @ w)
 

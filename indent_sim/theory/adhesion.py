@@ -69,7 +69,7 @@ class Jkr:
         self.punches = punches
         self.work = work
         self.pull_off = cache(self._find_pull_off)
-        # Searches evaluate the ends of their brackets several times.
+        # Searches evaluate the ends of their brackets several times, so that equilibria are cached.
         self._cached_equilibrium = lru_cache(500)(self._solve)
 
     def equilibrium_at(self, a: float) -> AdhesiveContact:
@@ -95,8 +95,8 @@ class Jkr:
     def _find_pull_off(self, compliance: float = 0.0) -> AdhesiveContact:
         """Find the equilibrium with the smallest z, or the smallest force in force control."""
         zero_force_radius = self._zero_force_radius
-        # Contacts that become unstable are larger than a thousandth of the one without force, on
-        # any layer and under any tip.
+        # On any layer and under any tip, contacts that become unstable are larger than a thousandth
+        # of the contact at zero force.
         log_bounds = (
             math.log(max(1e-3 * zero_force_radius, self.punches.min_radius)),
             math.log(zero_force_radius),

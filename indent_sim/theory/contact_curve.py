@@ -35,8 +35,9 @@ from indent_sim.theory.solution import (
 )
 from indent_sim.theory.stack import Stack
 
-FEWEST_DEPTHS = 8  # Smallest number of depths for which interpolation is faster.
-# A polynomial has converged when its last coefficients, this many, are this small relative to the
+# Smallest number of depths for which interpolation is faster than one search for each depth.
+FEWEST_DEPTHS = 8
+# A polynomial has converged when this many of its last coefficients are below this fraction of the
 # largest one.
 TAIL_TOLERANCE = 2e-13
 TAIL_COEFFICIENTS = 2
@@ -337,7 +338,7 @@ class ContactCurve(ABC):
             * solution.area
             / solution.force
         )
-        # The sign of a smaller part is rounding.
+        # A smaller fraction is round-off.
         return fraction if fraction > 1e-6 else 0.0
 
 
@@ -366,8 +367,8 @@ class ChebyshevContactCurve:
         # The Chebyshev points are nested (n -> 2 n - 1), so that every contact size that was solved
         # for one number is used again for the next.
         for count in (count for count in (8, 15, 29, 57, 113) if count <= max_sizes):
-            # Numbers below the one that the decay of the coefficients predicts are skipped, with a
-            # margin of two.
+            # From the decay of the coefficients the required number of points is predicted; smaller
+            # numbers are skipped, with a margin of a factor of two.
             if count < needed_count - 2.0:
                 continue
             sizes = list(

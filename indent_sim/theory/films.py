@@ -119,9 +119,9 @@ def dimitriadis_force(delta: float, R: float, layer: StackLayer, base: str = "fi
         1 - 2 A x/pi + 4 A^2 x^2/pi^2 - 8 (A^3 + 4 pi^2 B/15) x^3/pi^3
           + 16 A (A^3 + 3 pi^2 B/5) x^4/pi^4,
 
-    with A and B functions of nu and the base. For a fixed incompressible layer this polynomial has
-    the last term -0.0975 x^4, but the paper and other programs have +0.0975 x^4; the sign of the
-    paper is used.
+    with A and B functions of nu and the base. For a fixed incompressible layer these coefficients
+    give the last term -0.0975 x^4. The paper and other programs have +0.0975 x^4, which is used
+    here for nu = 0.5.
 
     Parameters
     ----------

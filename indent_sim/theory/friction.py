@@ -131,7 +131,7 @@ class Rings:
         return np.minimum(self.ring_edges / self.ring_middles[:, None], 1.0)
 
     def solve_punch(self, beta: float, friction: float) -> FrictionalPunch:
-        """Return the punch on the rings; the first ring that slips is found by bisection."""
+        """Return the frictional punch; the innermost ring that slips is found by bisection."""
         n = len(self.ring_middles)
         angle = np.arcsin(self._inner_fraction)
         # Each row integrates 1/sqrt(r^2 - x^2) over the rings below one middle r.

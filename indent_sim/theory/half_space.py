@@ -39,7 +39,8 @@ def sphere_force(delta: float, R: float, E_star: float) -> float:
     t = _sphere_angle(delta, R)
     q = math.tanh(t)
     if q < 0.3:
-        # The closed form cancels to third order in q: its power series is summed instead.
+        # The terms of the closed form cancel to third order in q, so that its power series is
+        # summed instead.
         square = q * q
         bracket = 0.0
         for coefficient in SPHERE_SERIES:

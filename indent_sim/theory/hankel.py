@@ -43,7 +43,8 @@ class Kernel:
         cosines = np.cos(np.multiply.outer(self.k, x))
         if not self.y.size:
             return cosines
-        # The cosh alone overflows, its product with the weight does not: it is scaled by exp(-y W).
+        # cosh(y x) alone would overflow, but its product with the weight does not; therefore it is
+        # scaled by exp(-y W).
         y = self.y[:, None]
         hyperbolic = 0.5 * (np.exp(y * (x - self.wall)) + np.exp(-y * (x + self.wall)))
         return np.vstack([cosines, hyperbolic, np.ones((1, x.size))])
@@ -189,7 +190,7 @@ def _polynomial_kernel(max_radius: float, stack: Stack) -> EvenKernel | None:
     waves = np.where(j == 0, 1.0, 2.0 * (-1.0) ** j) * jv(2 * j, kernel.k * max_radius)
     matrix = waves @ (kernel.weight[:, None] * waves.T)
     sizes = np.abs(matrix).max(axis=0)
-    # Coefficients below rounding are left out.
+    # Coefficients below round-off are left out.
     polynomial_count = max(1, int(np.count_nonzero(sizes > 1e-17 * sizes.max())))
     return (
         EvenKernel(max_radius, matrix[:polynomial_count, :polynomial_count])

@@ -12,7 +12,7 @@ from scipy.optimize import minimize_scalar
 
 from indent_sim.theory.solution import require_positive
 
-LAMBDA_PER_TABOR = 2.0 * (9.0 / (16.0 * math.pi)) ** (1.0 / 3.0)  # 1.1272
+LAMBDA_PER_TABOR = 2.0 * (9.0 / (16.0 * math.pi)) ** (1.0 / 3.0)  # equal to 1.1272
 
 
 def tabor_number(work: float, attraction_range: float, R: float, E_star: float) -> float:

@@ -23,7 +23,7 @@ DIAMOND_E = 1141e9
 DIAMOND_NU = 0.07
 # Confidence of the intervals whose half-widths are the stated errors.
 CONFIDENCE = 0.95
-# Three parameters of the power law, and at least two samples more.
+# Smallest number of samples of a fit: two more than the three parameters of the power law.
 MIN_SAMPLES = 5
 
 
@@ -238,7 +238,7 @@ def _covariance(jacobian: np.ndarray, residuals: np.ndarray) -> np.ndarray:
     n, parameters = jacobian.shape
     square = float(residuals @ residuals)
     correlation = float(residuals[:-1] @ residuals[1:]) / square if square > 0 else 0.0
-    # So few independent residuals remain at most.
+    # At the upper bound of the correlation about one independent residual remains.
     bounded = min(max(correlation, 0.0), 1.0 - 2.0 / n)
     factor = (1.0 + bounded) / (1.0 - bounded)
     inverse = np.linalg.pinv(jacobian.T @ jacobian)

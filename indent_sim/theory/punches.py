@@ -180,6 +180,10 @@ class FittedPunches:
                 f"{np.count_nonzero(is_curved)} contact radii are too few for a fit, which needs "
                 f"{fewest_radii} or more"
             )
+        # A punch that is pushed has a positive stiffness and force. Where a facet at the end of the
+        # surface makes one negative, this radius and the larger ones are left out.
+        is_negative = is_curved & ((K <= 0.0) | (P <= 0.0))
+        is_curved &= ~np.logical_or.accumulate(is_negative)
         a = a[is_curved]
         K = K[is_curved]
         P = P[is_curved]

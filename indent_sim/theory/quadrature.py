@@ -19,7 +19,7 @@ POINTS_PER_PANEL = 18  # Gauss points that resolve M between s and 3 s.
 POINTS_PER_PHASE = 0.6  # Further Gauss points per unit of the phase x ds of cos(sx).
 # Longest phase on one panel: a Gauss rule of n points costs an eigenvalue problem of size n.
 LONGEST_PHASE = 100.0
-SINGLE_MODES = 32  # Modes between walls that are summed one by one.
+SINGLE_MODES = 32  # Number of modes between walls that are summed one by one.
 Nodes = tuple[np.ndarray, np.ndarray]  # Nodes and weights of a quadrature rule.
 
 

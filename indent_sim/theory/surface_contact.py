@@ -16,8 +16,9 @@ from scipy.linalg import cholesky, solve_triangular
 from indent_sim.theory.hankel import axisymmetric_kernel
 from indent_sim.theory.layer import Layer
 
-MAX_ACTIVE_SET_ITERATIONS = 60  # Active sets that are tried for a contact that is no disc.
-# Tensile pressure or overlap that is accepted, relative to the largest pressure or gap.
+# Largest number of active sets that are tried for a contact that is not a disc.
+MAX_ACTIVE_SET_ITERATIONS = 60
+# Largest accepted tensile pressure, and overlap, relative to the largest pressure or gap.
 CONTACT_TOLERANCE = 1e-12
 
 

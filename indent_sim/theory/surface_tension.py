@@ -53,8 +53,8 @@ from indent_sim.theory.measured_constants import (
 from indent_sim.theory.quadrature import Nodes, gauss_legendre, join_nodes, wavenumber_nodes
 from indent_sim.theory.solution import Solution
 
-# Basis functions of phi: a smallest number, further ones per sqrt(a/b), since phi has a boundary
-# layer of width b at the edge, and a largest number.
+# Number of basis functions of phi: the smallest number, the increase per sqrt(a/b), since phi has a
+# boundary layer of width b at the edge, and the largest number.
 LEAST_FUNCTIONS = 16
 FUNCTIONS_PER_ROOT = 1.5
 MAX_FUNCTIONS = 100
@@ -275,8 +275,8 @@ def _basis_sums(
 ) -> np.ndarray:
     """Return weighted sums (len(starts), count) of `_basis_functions` over groups of angles.
 
-    A group begins at each of the indices `starts`. The sines are computed by a recurrence, which
-    takes a tenth of their time.
+    A group begins at each of the indices `starts`. The sines are computed by a recurrence, in a
+    tenth of the time that their direct evaluation takes.
     """
     sums = [np.add.reduceat(weight, starts)]
     double_cosine = 2.0 * np.cos(2.0 * theta)

@@ -14,6 +14,7 @@ import numpy as np
 
 from indent_sim.theory.compression import Compression
 from indent_sim.theory.contact_curve import ContactCurve
+from indent_sim.theory.contacts_in_series import ContactsInSeries
 from indent_sim.theory.layer import Layer
 from indent_sim.theory.measured_constants import THEORY_ERROR
 from indent_sim.theory.roots import ForceCurve, depth_of_force
@@ -50,7 +51,7 @@ class Theory:
     name: str
     is_exact: bool
     reason: str
-    contact: ContactCurve | Compression = field(repr=False)
+    contact: ContactCurve | Compression | ContactsInSeries = field(repr=False)
     error: float = THEORY_ERROR
     formulas: Mapping[str, ForceCurve] = field(default_factory=dict, repr=False)
     tension_fraction: float = 0.0
@@ -89,7 +90,7 @@ class Theory:
         """
         if (
             not self.is_exact
-            or isinstance(self.contact, Compression)
+            or isinstance(self.contact, Compression | ContactsInSeries)
             or len(self.contact.scaled_stack.layers) == 1
         ):
             return self
@@ -142,7 +143,7 @@ class Theory:
 
 @lru_cache(maxsize=100)
 def _solutions_at_depths(
-    contact: ContactCurve | Compression, deltas: tuple[float, ...]
+    contact: ContactCurve | Compression | ContactsInSeries, deltas: tuple[float, ...]
 ) -> tuple[Solution, ...] | None:
     """Return one Solution for each depth, or None if a depth is beyond the theory (cached)."""
     with contextlib.suppress(*SOLUTION_ERRORS):

@@ -187,7 +187,7 @@ class ViscoelasticTimeStepper:
             try:
                 p = contact.solve_pressures(open_gaps - delta * areas)
             except CandidateSetTooSmall:
-                # The depth is far too large.
+                # At this iterate the depth is far too large.
                 delta = 0.5 * (lower_depth + delta)
                 continue
             force_deficit = force - float(areas @ p)

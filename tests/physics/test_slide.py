@@ -27,6 +27,8 @@ from tests.scenes import scene, solve
 A = 0.018  # contact half-width over the radius of the tip
 MU = 0.4
 DEEP = {"shape": "strip", "width": 44 * A, "height": 22 * A, "base": "fixed", "sides": "free"}
+SHALLOW = DEEP | {"width": 12 * A, "height": 6 * A}
+COARSE = {"body": SHALLOW, "mesh": {"h_contact": A / 4}, "loading": {"delta": 5e-4, "steps": 2}}
 RUBBER = {"model": "linear_elastic", "E": 1.0, "nu": 0.5}
 NEO_HOOKEAN = {"model": "neo_hookean", "E": 1.0, "nu": 0.45}
 FRICTION = {"friction": MU}
@@ -44,7 +46,9 @@ def slide_scene(
     """A parabolic roller on a strip of nu = 0.5 that is pressed in and slides."""
     pressed = loading or {"delta": DEPTH, "steps": 3}
     given = {"material": RUBBER, "contact": FRICTION, "mesh": {"h_contact": A / 12}} | sections
-    return scene(DEEP, *overrides, loading=pressed | {"slide": {"to": to, "steps": steps}}, **given)
+    body: Any = given.pop("body", DEEP)
+    sliding = pressed | {"slide": {"to": to, "steps": steps}}
+    return scene(body, *overrides, loading=sliding, **given)
 
 
 @cache
@@ -157,16 +161,15 @@ def test_a_held_force_slides_as_a_held_depth() -> None:
 
 def test_the_whole_body_slides_as_the_condensed_one() -> None:
     """Both solvers have the same equations; their tolerances are 1e-7."""
-    coarse = {"mesh": {"h_contact": A / 6}}
     condensed, whole = (
-        solve(slide_scene([2e-4], 2, f"solver.method={method}", **coarse))
+        solve(slide_scene([1e-4], 2, f"solver.method={method}", **COARSE))
         for method in ("condensed", "newton")
     )
     for one, other in zip(condensed, whole, strict=True):
         for name in ("force", "side_force_x", "energy"):
             scale = one.force if "force" in name else one.energy
             assert getattr(other, name) == pytest.approx(getattr(one, name), abs=1e-6 * scale)
-        assert other.dissipation == pytest.approx(one.dissipation, abs=1e-4 * MU * one.force * 2e-4)
+        assert other.dissipation == pytest.approx(one.dissipation, abs=1e-4 * MU * one.force * 1e-4)
 
 
 def test_without_friction_only_the_slope_of_the_tip_pushes() -> None:
@@ -221,7 +224,7 @@ def test_a_slide_is_resumed_where_it_stopped(method: str) -> None:
 
     The whole body goes on from packed states, the condensed one solves the rows again.
     """
-    base = slide_scene([3e-4], 3, f"solver.method={method}", mesh={"h_contact": A / 6})
+    base = slide_scene([1.5e-4], 3, f"solver.method={method}", **COARSE)
     path = base.physics.path
     mesh = distribute(base.grid(), base.physics.domain, MPI.COMM_WORLD)
 
@@ -231,16 +234,16 @@ def test_a_slide_is_resumed_where_it_stopped(method: str) -> None:
     whole = list(stepper().states(path, lambda step: False))
     stopped = stepper()
     rows = stopped.states(path, lambda step: False)
-    for _ in range(4):
+    for _ in range(3):
         next(rows)
     kept = stopped.points
     assert bool(kept) == (method == "newton")
-    passed = [(path.values[k], 0.0, path.slide(k + 1)) for k in range(0 if not kept else 4, 4)]
+    passed = [(path.values[k], 0.0, path.slide(k + 1)) for k in range(0 if not kept else 3, 3)]
     goes_on = stepper()
     assert goes_on.resume(kept, passed)
-    rest = list(goes_on.states(path, lambda step: False, done=4))
+    rest = list(goes_on.states(path, lambda step: False, done=3))
     assert len(rest) == 2
-    for row, again in zip(whole[4:], rest, strict=True):
+    for row, again in zip(whole[3:], rest, strict=True):
         assert again.slide == row.slide
         assert again.side_force_x == pytest.approx(row.side_force_x, rel=1e-6)
 
@@ -259,7 +262,7 @@ def test_halved_increments_pass_through_the_same_places() -> None:
 def test_partial_slip_on_a_half_model() -> None:
     """In three dimensions c/a = (1 - Q/(mu P))^(1/3), and in full slip Q = mu P.
 
-    Half of a box of 20 a, with elements of a/4: c/a to 0.03, full slip to 0.5 %, because the
+    Half of a box of 20 a, with elements of a/4: c/a to 0.02, full slip to 0.5 %, because the
     traction has a component across the slide.
     """
     a = 0.05
@@ -268,7 +271,7 @@ def test_partial_slip_on_a_half_model() -> None:
         box,
         material={"model": "linear_elastic", "E": 1.0, "nu": 0.499},
         contact=FRICTION,
-        loading={"delta": a**2, "steps": 2, "slide": {"to": [1.6e-3], "steps": 8}},
+        loading={"delta": a**2, "steps": 2, "slide": {"to": [2.2e-3], "steps": 11}},
         mesh={"h_contact": a / 4},
     )
     assert base.physics.domain.symmetry == "half" and base.physics.domain.mirror_axes == ("y",)
@@ -277,5 +280,5 @@ def test_partial_slip_on_a_half_model() -> None:
         ratio = abs(row.side_force_x or 0.0) / (MU * row.force)
         expected = max(1 - ratio, 0.0) ** (1 / 3) if ratio < 0.97 else 0.0
         if 0.1 < ratio < 0.9:
-            assert (row.stick_radius or 0.0) / row.a == pytest.approx(expected, abs=0.03)
+            assert (row.stick_radius or 0.0) / row.a == pytest.approx(expected, abs=0.02)
     assert abs(states[-1].side_force_x or 0.0) == pytest.approx(MU * states[-1].force, rel=5e-3)

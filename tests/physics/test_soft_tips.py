@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 from math import inf, pi
-from typing import Any
+from typing import Any, ClassVar
 
+import h5py
 import numpy as np
 import pytest
 
@@ -190,6 +191,22 @@ class TestTwoMeshes:
         pull_off = outcome.report["experiment"]["adhesion"]["pull_off"]["force_control"]
         assert pull_off["force"] == pytest.approx(-9.4418e-4, rel=0.01)
 
+    def test_the_drawn_tip_is_deformed(self, tmp_path: Any) -> None:
+        """Within the contact the surfaces of tip and body coincide, and the holder does not."""
+        lens = {"shape": "sphere", "R": 1.0, "thickness": 0.5, "material": LAW}
+        outcome = simulate(
+            document(indenter=lens, output={"plot": False}), directory=tmp_path / "lens"
+        )
+        row = outcome.states[-1]
+        folder = tmp_path / "lens" / "fields"
+        with h5py.File(folder / "mesh.h5") as mesh:
+            tip = np.array(mesh["tip_points"])
+        with h5py.File(sorted(folder.glob("step*"))[-1]) as step:
+            lift = np.array(step["tip_displacement"])[:, 2] + row.delta
+        assert lift[0] == pytest.approx(row.tip_sink, rel=1e-3)
+        assert np.all(lift[tip[:, 2] > 0.5] == 0.0)
+        assert np.all(np.diff(lift[tip[:, 0] < row.a]) <= 1e-6)
+
     def test_error_bars_hold_against_a_finer_mesh(self, tmp_path: Any) -> None:
         quiet = {"fields": "none", "plot": False}
         outcome = simulate(document(output=quiet), directory=tmp_path / "bars", error_bars=True)
@@ -200,7 +217,100 @@ class TestTwoMeshes:
         assert not any("auxiliary" in warning for warning in outcome.report["warnings"])
 
 
+class TestSoftCylinders:
+    """Soft flat punches and soft plates: cylinders with free sides, bonded to a rigid holder."""
+
+    CYLINDER: ClassVar = {"shape": "cylinder", "radius": 1.0, "height": 0.5, "base": "fixed"}
+
+    @pytest.mark.parametrize("shape", ["flat_punch", "plate"])
+    def test_twins_are_one_cylinder_under_a_rigid_plate(self, shape: str) -> None:
+        """Two equal cylinders: the plane between them stays plane, each has half of the approach.
+
+        Both bodies have the same mesh; the contact ends at the edge of both.
+        """
+        tip = {"shape": shape, "radius": 1.0, "thickness": 0.5, "material": LAW}
+        mesh = {"h_contact": 0.05}
+        twins = last_row(scene_of(body=self.CYLINDER, indenter=tip, mesh=mesh))
+        half = {"loading": {"delta": 0.01}, "indenter": {"shape": "plate"}, "mesh": mesh}
+        alone = last_row(scene_of(body=self.CYLINDER, **half))
+        assert twins.force == pytest.approx(alone.force, rel=1e-4)
+        assert twins.energy == pytest.approx(2 * alone.energy, rel=1e-4)
+        assert twins.tip_sink == pytest.approx(0.01, rel=1e-3)
+
+    def test_a_stiff_punch_is_the_rigid_one(self) -> None:
+        """Of E = 1e8 on a body of E = 1: the compliance of the punch is left, some 1e-8."""
+        hard = {"model": "linear_elastic", "E": 1e8, "nu": 0.3}
+        punch = {"shape": "flat_punch", "radius": 0.5}
+        mesh: dict[str, Any] = {"mesh": {"h_contact": 0.05}}
+        soft = last_row(scene_of(indenter={**punch, "thickness": 1.0, "material": hard}, **mesh))
+        rigid = last_row(scene_of(indenter=punch, **mesh))
+        assert soft.force == pytest.approx(rigid.force, rel=1e-6)
+        assert soft.a == pytest.approx(0.5)
+
+    def test_a_stiff_plate_is_the_rigid_one(self) -> None:
+        hard = {"model": "linear_elastic", "E": 1e8, "nu": 0.3}
+        plate = {"shape": "plate", "radius": 1.0, "thickness": 1.0, "material": hard}
+        soft = last_row(scene_of(body=CAP, indenter=plate))
+        rigid = last_row(scene_of(body=CAP, indenter={"shape": "plate"}))
+        assert soft.force == pytest.approx(rigid.force, rel=1e-6)
+
+    def test_a_slender_punch_is_a_bar_above_the_body(self) -> None:
+        """One unit of length more adds the compliance 1/(E A) of a bar.
+
+        Both meshes differ at the edge of the contact, whose pressure is singular: 1.6e-3. Without
+        the edge in the mortar projection a sixth of the compliance was missing.
+        """
+        punch = {"shape": "flat_punch", "radius": 0.1}
+        mesh: dict[str, Any] = {"mesh": {"h_contact": 0.02}}
+        compliances = []
+        for thickness in (1.0, 2.0):
+            tip = {**punch, "thickness": thickness, "material": LAW}
+            row = last_row(scene_of(indenter=tip, **mesh))
+            compliances.append(row.delta / row.force)
+        assert compliances[1] - compliances[0] == pytest.approx(1 / (pi * 0.01), rel=3e-3)
+
+    def test_a_ball_between_soft_plates_of_its_material(self) -> None:
+        """A small contact with a thick plate is Hertz with the summed compliance.
+
+        A contact of a/h = 0.018 on the cap adds 1.1 %.
+        """
+        plate = {"shape": "plate", "radius": 2.0, "thickness": 2.0, "material": SOFT_LAW}
+        scene = scene_of(
+            body=CAP, indenter=plate, loading={"delta": 8e-5}, mesh={"h_contact": 1e-3}
+        )
+        E_star = 1 / ((1 - 0.3**2) / 1.0 + (1 - 0.45**2) / 2.0)
+        assert last_row(scene).force == pytest.approx(4 / 3 * E_star * 8e-5**1.5, rel=0.015)
+
+
 REFUSED: dict[str, tuple[dict[str, Any], str]] = {
+    "a soft punch of no thickness": (
+        {"indenter": {"shape": "flat_punch", "radius": 0.5, "material": SOFT_LAW}},
+        "missing: a soft flat_punch",
+    ),
+    "a soft punch with a rounded edge": (
+        {
+            "indenter": {
+                "shape": "flat_punch",
+                "radius": 0.5,
+                "edge_radius": 0.1,
+                "thickness": 1.0,
+                "material": SOFT_LAW,
+            }
+        },
+        "whose edge is sharp",
+    ),
+    "a soft plate of no radius": (
+        {"indenter": {"shape": "plate", "thickness": 1.0, "material": SOFT_LAW}},
+        "missing: a soft plate",
+    ),
+    "a soft plate that does not cover": (
+        {"indenter": {"shape": "plate", "radius": 1.0, "thickness": 1.0, "material": SOFT_LAW}},
+        "does not cover",
+    ),
+    "the radius of a rigid plate": (
+        {"body": CAP, "indenter": {"shape": "plate", "radius": 1.0}},
+        "is rigid and has no end",
+    ),
     "a thickness of a rigid tip": (
         {"indenter": {"shape": "sphere", "R": 1.0, "thickness": 0.5}},
         "this tip is rigid",

@@ -255,7 +255,12 @@ MALFORMED = [
         "vary.k.from",
         "> 0",
     ),
-    ("base: scene.yaml\nvary: {k: {from: 0, to: 1, cuont: 3}}\n", 2, "vary.k.cuont", "a range has"),
+    (
+        "base: scene.yaml\nvary: {k: {from: 0, to: 1, cuont: 3}}\n",
+        2,
+        "vary.k.cuont",
+        "its keys are",
+    ),
     ("base: scene.yaml\nvary: {k: {from: 0, to: 1}}\n", 2, "vary.k.count", "whole number"),
     (
         "base: scene.yaml\nvary: {zip: true, a: [1], b: [1, 2]}\n",

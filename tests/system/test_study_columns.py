@@ -217,7 +217,7 @@ def test_a_study_is_drawn_into_axes_of_ones_own(tmp_path: Path) -> None:
 
 
 def test_a_column_of_several_panels_does_not_fit_into_axes(four: CurveGroups) -> None:
-    with pytest.raises(UsageError, match="ax is for one panel, but force has 3"):
+    with pytest.raises(UsageError, match="ax is one panel, but force needs 3"):
         small_multiples.draw_column_into(Figure().subplots(), four, "force")
 
 

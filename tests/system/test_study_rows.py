@@ -131,7 +131,7 @@ def test_more_points_keep_what_is_there(finished, tmp_path, monkeypatch):
         resume=True,
         tell=lines.append,
     )
-    assert "30 rows were there already" in lines and "4 rows computed" in lines
+    assert "30 rows had been computed before" in lines and "4 rows computed" in lines
     assert rows_of(folder)[:30] == rows_of(finished)
 
 

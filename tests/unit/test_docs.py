@@ -100,6 +100,8 @@ def test_all_places_state_one_version():
     changelog = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
     unreleased, released = re.findall(r"^## (.*)$", changelog, re.MULTILINE)[:2]
     assert project["version"] == citation["version"] == VERSION
+    recipe = (ROOT / "packaging" / "conda" / "meta.yaml").read_text(encoding="utf-8")
+    assert f'set version = "{VERSION}"' in recipe
     assert unreleased == "Unreleased"
     assert released == f"{VERSION} ({citation['date-released']})"
 

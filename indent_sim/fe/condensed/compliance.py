@@ -40,6 +40,29 @@ OwnedDofs = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 @dataclass(frozen=True)
+class FlatBelow:
+    """Flat on which a body rests, and the spring between the flat and the body.
+
+    Attributes
+    ----------
+    is_on_flat
+        Whether each node of the surface belongs to the contact with the flat.
+    signs
+        Direction of each candidate's force (n,): 1 downwards under the tip, -1 upwards on the flat.
+    spring
+        Compliance of the spring [length/force].
+    """
+
+    is_on_flat: np.ndarray
+    signs: np.ndarray
+    spring: float
+
+    def imbalance(self, nodal_forces: np.ndarray) -> float:
+        """Return the force on the tip minus that on the flat, which the spring takes [force]."""
+        return float(self.signs @ nodal_forces)
+
+
+@dataclass(frozen=True)
 class Compliance:
     """Compliance matrix of the candidate nodes of the contact surface, identical on all ranks.
 
@@ -66,6 +89,9 @@ class Compliance:
         All facets of the contact surface.
     candidates
         Numbers of the candidates (n,) among the nodes of the surface.
+    flat
+        Flat on which the body rests; None if it does not. The coordinates of the nodes on it are
+        those of the body turned upside down.
     """
 
     matrix: np.ndarray
@@ -76,6 +102,7 @@ class Compliance:
     trace: Trace
     surface: Trace
     candidates: np.ndarray
+    flat: FlatBelow | None = None
 
     @property
     def size(self) -> int:
@@ -86,6 +113,26 @@ class Compliance:
     def C(self) -> np.ndarray:
         """Downward displacements (n, n) for unit downward forces [length/force]."""
         return self.matrix[: self.size, : self.size]
+
+    @property
+    def rests_on_flat(self) -> np.ndarray | None:
+        """Whether each facet of the trace (facets,) may touch the flat; None if bonded."""
+        if self.flat is None:
+            return None
+        return np.asarray((self.flat.signs < 0)[self.trace.nodes].all(axis=1))
+
+    @property
+    def tip_trace(self) -> Trace:
+        """The facets of the trace that the tip may touch."""
+        on_flat = self.rests_on_flat
+        return self.trace if on_flat is None else self.trace.select_facets(~on_flat)
+
+    @property
+    def tip_surface(self) -> Trace:
+        """The facets of the surface that the tip may touch."""
+        if self.flat is None:
+            return self.surface
+        return self.surface.select_facets(~self.flat.is_on_flat[self.surface.nodes].all(axis=1))
 
 
 class Condenser:
@@ -99,10 +146,20 @@ class Condenser:
     ----------
     facet_rows
         Nodes (facets, nodes) of this rank's facets, by their numbers in the whole surface.
+    is_on_flat
+        Whether each node of the whole surface belongs to the base, on which the body rests.
+
+    Parameters
+    ----------
+    body
+        The discrete body.
+    base
+        Facets of a base that is a second contact surface. All of its nodes are candidates.
     """
 
-    def __init__(self, body: Body):
+    def __init__(self, body: Body, base: Trace | None = None):
         self.body = body
+        self._trace = body.trace if base is None else body.trace.join(base)
         bulk = bulk_terms(body)
         self.strain_energies = bulk.strain_energies
         self._solves_whole_body = body.comm.size > 1 and _fits_every_rank(body)
@@ -151,11 +208,12 @@ class Condenser:
         # Dofs at which penetration outside the contact surface is checked; several ranks recover
         # the whole body instead
         surface_dofs = np.unique(
-            np.concatenate([body.noncontact_trace.dofs.ravel(), body.trace.dofs.ravel()])
+            np.concatenate([body.noncontact_trace.dofs.ravel(), self._trace.dofs.ravel()])
         )
         self.observed_dofs = surface_dofs if body.comm.size == 1 else surface_dofs[:0]
         self._owned_nodes, self._owned_rows, self.facet_rows = self._number_surface_nodes()
         self._surface = self._gather_surface()
+        self.is_on_flat = self._find_nodes_on_flat(len(body.trace.nodes))
         self._last_compliance: Compliance | None = None
         self._force_dofs: tuple[Compliance, OwnedDofs] | None = None
 
@@ -212,7 +270,7 @@ class Condenser:
         of this rank's facets.
         """
         body = self.body
-        trace = self.body.trace
+        trace = self._trace
         space = body.unknowns.collapsed_space("u")
         index_map = space.dofmap.index_map
         local, inverse = np.unique(trace.nodes, return_inverse=True)
@@ -236,20 +294,29 @@ class Condenser:
 
     def _gather_surface(self) -> Trace:
         """Return the contact surface of all ranks, facets and nodes sorted by their coordinates."""
-        trace = self.body.trace
+        trace = self._trace
         parts = self.body.comm.allgather((self.facet_rows, trace.X))
         rows = np.concatenate([part[0] for part in parts])
         X = np.concatenate([part[1] for part in parts])
         order = np.lexsort(np.round(X.mean(axis=1), 10)[:, ::-1].T)
         return Trace(rows[order], X[order], rows[order])
 
+    def _find_nodes_on_flat(self, tip_facets: int) -> np.ndarray:
+        """Return a mask of the surface nodes on the facets after this rank's first `tip_facets`."""
+        rows = np.concatenate(self.body.comm.allgather(self.facet_rows[tip_facets:].ravel()))
+        is_on_flat = np.zeros(1 + self._surface.nodes.max(initial=-1), dtype=bool)
+        is_on_flat[rows] = True
+        return is_on_flat
+
     def count_candidates(self, radius: float, track: TipTrack) -> int:
         """Return the number of nodes on the facets within a radius [length] of the tip's track."""
         return len(np.unique(self._surface.nodes[self._is_near_track(radius, track)]))
 
     def _is_near_track(self, radius: float, track: TipTrack) -> np.ndarray:
-        """Return a mask of the facets with at least one node within a radius of the tip's track."""
-        return np.asarray(track.distance(self._surface.X[..., :-1]).min(axis=1) <= radius)
+        """Return a mask of the facets near the tip's track, and of those on a flat below."""
+        surface = self._surface
+        is_near = track.distance(surface.X[..., :-1]).min(axis=1) <= radius
+        return np.asarray(is_near | self.is_on_flat[surface.nodes].all(axis=1))
 
     def condense(self, radius: float, track: TipTrack, axes: Sequence[int]) -> Compliance:
         """Return the compliance of the surface nodes on facets near the track of the tip's axis.

@@ -20,7 +20,7 @@ class CondensedState:
         self.contact = contact
         self.scene = contact.scene
         self.comm = MPI.COMM_SELF
-        self.trace = contact.compliance.trace
+        self.trace = contact.compliance.tip_trace
         self.friction = contact.friction
         self.fluid = None
 
@@ -48,13 +48,20 @@ class CondensedState:
 
         They are not computed, because the gap of a condensed contact is that of undeformed points
         and depends on the vertical displacement only. With a soft tip, the displacement is that of
-        the body relative to the tip.
+        the body relative to the tip. Of a body that rests on a flat, it includes the motion.
         """
         u = np.zeros(self.trace.X.shape)
         compliance = self.contact.compliance
         forces = self.contact.forces
         u[..., -1] = -(compliance.matrix @ forces.ravel())[: compliance.size][self.trace.nodes]
+        if compliance.flat is not None:
+            u[..., -1] -= self.motion
         return u
+
+    @property
+    def motion(self) -> float:
+        """Motion of a body that rests on a flat, away from the tip, without that of the spring."""
+        return self.contact.motion
 
     def multiplier_at(self, points: np.ndarray) -> np.ndarray:
         """Return the multiplier lam (facets, points) [pressure]."""

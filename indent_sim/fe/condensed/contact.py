@@ -38,6 +38,10 @@ from indent_sim.fe.surface import Trace
 from indent_sim.scene.scene import Scene
 
 MOST_CONTACT_ITERATIONS = 100
+# Difference of the forces on the tip and on the flat below, relative to their sum. Each iteration
+# reduces it by the compliance of the contacts over that of the spring, about 1e-2.
+BALANCE_TOLERANCE = 1e-10
+MOST_BALANCE_ITERATIONS = 20
 
 
 class CondensedContact:
@@ -57,6 +61,8 @@ class CondensedContact:
         self.compliance = compliance
         self.scene = scene
         self.depth = 0.0
+        # Motion of a body that rests on a flat at which the spring is free of force [length]
+        self.motion = 0.0
         self.slide = 0.0  # horizontal displacement of the tip from where it was pressed in
         self.law: Any = scene.physics.contact
         self.nodes = compliance.trace.nodes
@@ -79,8 +85,38 @@ class CondensedContact:
 
     @property
     def F(self) -> np.ndarray:
-        """Nodal forces (nodes,), positive downwards [force]."""
+        """Nodal forces (nodes,), positive downwards, on a flat below upwards [force]."""
         return self.forces[0]
+
+    @property
+    def tip_force(self) -> float:
+        """Force of the model domain on the tip [force]."""
+        return float(self.F[self._tip_nodes].sum())
+
+    @cached_property
+    def _tip_nodes(self) -> slice | np.ndarray:
+        """The candidate nodes that the tip may touch."""
+        flat = self.compliance.flat
+        return slice(None) if flat is None else flat.signs > 0
+
+    @cached_property
+    def _tip_facets(self) -> float | np.ndarray:
+        """1 on facets that the tip may touch, 0 on those on a flat below, (facets, 1) or 1."""
+        rests_on_flat = self.compliance.rests_on_flat
+        return 1.0 if rests_on_flat is None else np.where(rests_on_flat, 0.0, 1.0)[:, None]
+
+    @property
+    def _approach(self) -> float | np.ndarray:
+        """Approach of tip or flat to the body [length], the depth or an array (facets, 1)."""
+        if self.compliance.flat is None:
+            return self.depth
+        return self._tip_facets * (self.depth - self.motion) + (1 - self._tip_facets) * self.motion
+
+    @property
+    def base_approach(self) -> float:
+        """Motion of a body that rests on a flat towards it [length]; 0 for other bodies."""
+        flat = self.compliance.flat
+        return 0.0 if flat is None else self.motion + flat.spring * flat.imbalance(self.F)
 
     def solve(self, delta: float, slide: float = 0.0) -> bool:
         """Solve at a depth from the present forces; return False and restore them on failure.
@@ -92,15 +128,43 @@ class CondensedContact:
         slide
             Horizontal displacement of the tip [length].
         """
-        state_before = (self.forces, self.lam, self.depth)
+        state_before = (self.forces, self.lam, self.depth, self.motion)
         slide_before = self.slide
         self.depth = delta
         self.slide_tip(slide)
-        if CONDENSED_ALGORITHMS[self.law.multiplier](self):
+        if self._solve_balanced():
             self._recent_forces = [*self._recent_forces[-1:], self.F]
             return True
-        self.forces, self.lam, self.depth = state_before
+        self.forces, self.lam, self.depth, self.motion = state_before
         self.slide_tip(slide_before)
+        return False
+
+    def _solve_balanced(self) -> bool:
+        """Solve for the contact, and for the motion of a body that rests on a flat.
+
+        The spring between body and flat starts from the motion at which it is free of force.
+        """
+        algorithm = CONDENSED_ALGORITHMS[self.law.multiplier]
+        flat = self.compliance.flat
+        if flat is None:
+            return algorithm(self)
+        if self.depth <= 0:
+            # Nothing holds the body between tip and flat.
+            self.forces = np.zeros_like(self.forces)
+            self.lam = np.zeros_like(self.lam)
+        if not self.F.any():
+            # Both contacts begin with the intersections at half of the depth.
+            self.motion = self.depth / 2
+        for _ in range(MOST_BALANCE_ITERATIONS):
+            if not algorithm(self):
+                return False
+            imbalance = flat.imbalance(self.F)
+            force = float(np.abs(self.F).sum())
+            earlier_force = max(float(np.abs(F).sum()) for F in self._recent_forces)
+            if abs(imbalance) <= BALANCE_TOLERANCE * max(force, 1e-3 * earlier_force):
+                return True
+            self.motion += flat.spring * imbalance
+        self.failure = "the forces on tip and flat do not become equal"
         return False
 
     def slide_tip(self, slide: float) -> None:
@@ -129,7 +193,7 @@ class CondensedContact:
         N, _, height = self.quadrature
         epsilon_n = self.law.stiffness
         nodal = self.lam[self.candidates] - epsilon_n * (self.compliance.C @ self.F)
-        return np.asarray(nodal[self.nodes] @ N.T - epsilon_n * (height - self.depth))
+        return np.asarray(nodal[self.nodes] @ N.T - epsilon_n * (height - self._approach))
 
     def predict_active_set(self, trial: np.ndarray) -> None:
         """Use the points with a positive trial pressure as initial active set of the next solve."""
@@ -168,7 +232,7 @@ class CondensedContact:
         return areas, self.tip_heights(points, self.slide)
 
     def tip_heights(self, points: np.ndarray, slide: float) -> np.ndarray:
-        """Return the heights (facets, points) of the tip above the undeformed surface [length].
+        """Return the heights (facets, points) of tip or flat above the undeformed surface [length].
 
         Parameters
         ----------
@@ -187,7 +251,11 @@ class CondensedContact:
         physics = self.scene.physics
         x = np.moveaxis(self.compliance.trace.positions(points), -1, 0)
         horizontal = physics.domain.kinematics.horizontal_position(x, center)
-        return np.asarray(physics.indenter.height(*horizontal) - x[-1])
+        height = physics.indenter.height(*horizontal)
+        rests_on_flat = self.compliance.rests_on_flat
+        if rests_on_flat is not None:
+            height = np.where(rests_on_flat[:, None], 0.0, height)
+        return np.asarray(height - x[-1])
 
     def moment(self) -> float:
         """Return the moment of the nodal forces on the model domain [force length]."""
@@ -298,7 +366,7 @@ class CondensedContact:
         """Run Newton's method with the stiffness `epsilon_n`; return whether it converged."""
         N, _, height = self.quadrature
         D = inverse_mass - epsilon_n * self.compliance.C
-        offset = -epsilon_n * (height - self.depth)
+        offset = -epsilon_n * (height - self._approach)
         if not np.ndim(inverse_mass):
             offset = offset + self.lam[self.candidates][self.nodes] @ N.T
         F: np.ndarray = self.F.copy()
@@ -400,31 +468,30 @@ class CondensedContact:
         """
         if self.law.multiplier == "nodal":
             # The nodes in contact move down together, as under a flat punch
-            carriers, _, _, areas, A = self._weighted_gap_matrices
+            carriers, _, _, _, A, tip_areas = self._weighted_gap_matrices
             loaded = np.flatnonzero(self.lam[self.candidates[carriers]] > 0)
             if not len(loaded):
                 return 0.0
-            return float(areas[loaded] @ np.linalg.solve(A[np.ix_(loaded, loaded)], areas[loaded]))
+            areas = tip_areas[loaded]
+            return float(areas @ np.linalg.solve(A[np.ix_(loaded, loaded)], areas))
         N, W, height = self.quadrature
         epsilon_n = self.law.stiffness
         D = (
             0.0 if self.law.multiplier == "none" else self.inverse_mass
         ) - epsilon_n * self.compliance.C
-        active = (D @ self.F)[self.nodes] @ N.T - epsilon_n * (height - self.depth) > 0
+        active = (D @ self.F)[self.nodes] @ N.T - epsilon_n * (height - self._approach) > 0
         if not active.any():
             return 0.0
-        return float(
-            self.newton_step(
-                -self.assemble_vector((W * epsilon_n * active) @ N), active[None, None], D
-            ).sum()
-        )
+        load = self.assemble_vector((W * epsilon_n * active * self._tip_facets) @ N)
+        return float(self.newton_step(-load, active[None, None], D)[self._tip_nodes].sum())
 
     @cached_property
     def _weighted_gap_matrices(self) -> tuple[np.ndarray, ...]:
         """Vectors and matrices of the equations for the nodal pressures.
 
         These are the nodes with an area, the matrix Q of forces per nodal pressure, the weighted
-        heights, the areas, and the compliance Q' C Q of the weighted gaps.
+        heights, the areas, the compliance Q' C Q of the weighted gaps, and the areas that the tip
+        may touch.
         """
         points, weights = split_quadrature(self.compliance.trace.dim)
         W, height = self.quadrature_rule(points, weights)
@@ -436,6 +503,7 @@ class CondensedContact:
         Q = np.bincount(indices.ravel(), local.ravel(), size * size).reshape(size, size)
         heights = self.assemble_vector((W * height) @ psi)
         areas = self.assemble_vector(W @ psi)
+        tip_areas = self.assemble_vector((W * self._tip_facets) @ psi)
         carriers = np.flatnonzero(areas > 0)
         return (
             carriers,
@@ -443,6 +511,7 @@ class CondensedContact:
             heights[carriers],
             areas[carriers],
             (Q.T @ self.compliance.C @ Q)[np.ix_(carriers, carriers)],
+            tip_areas[carriers],
         )
 
     @property
@@ -452,7 +521,7 @@ class CondensedContact:
         They refer to the n nodes with a pressure unknown p. The weighted gaps are heights - delta *
         areas + A p >= 0, and areas . p is the force of the model domain.
         """
-        carriers, _, heights, areas, A = self._weighted_gap_matrices
+        carriers, _, heights, areas, A, _ = self._weighted_gap_matrices
         trace = self.compliance.trace
         x = np.zeros((self.compliance.size, trace.dim - 1))
         x[trace.nodes] = trace.X[..., :-1]
@@ -463,10 +532,10 @@ class CondensedContact:
 
         The problem is p >= 0, p G = 0 and weighted gaps G = heights - delta * areas + A p >= 0.
         """
-        carriers, Q, heights, areas, A = self._weighted_gap_matrices
+        carriers, Q, heights, areas, A, tip_areas = self._weighted_gap_matrices
         p, solves = solve_complementarity(
             A,
-            heights - self.depth * areas,
+            heights - self._weighted_approach(areas, tip_areas),
             self._initial_active_set(self._nodal_trial_pressure() > 0),
         )
         self.iterations += solves
@@ -477,10 +546,17 @@ class CondensedContact:
 
     def _nodal_trial_pressure(self) -> np.ndarray:
         """Return the trial pressure at the pressure nodes, with the stiffness E*/h_contact."""
-        carriers, _, heights, areas, A = self._weighted_gap_matrices
+        carriers, _, heights, areas, A, tip_areas = self._weighted_gap_matrices
         p = self.lam[self.candidates[carriers]]
         scale = self.scene.physics.material.E_star / self.scene.sizes.h_contact
-        return np.asarray(p - scale * ((heights - self.depth * areas + A @ p) / areas))
+        gaps = heights - self._weighted_approach(areas, tip_areas) + A @ p
+        return np.asarray(p - scale * (gaps / areas))
+
+    def _weighted_approach(self, areas: np.ndarray, tip_areas: np.ndarray) -> np.ndarray:
+        """Return the approach of tip or flat at the pressure nodes, times their areas."""
+        if self.compliance.flat is None:
+            return self.depth * areas
+        return (self.depth - self.motion) * tip_areas + self.motion * (areas - tip_areas)
 
     def side_force(self, axis: int) -> float:
         """Return the horizontal force on the tip along an axis, of the model domain [force].
@@ -526,7 +602,7 @@ class CondensedContact:
             return strain
         N, W, height = self.quadrature
         lam = self.lam[self.candidates][self.nodes] @ N.T
-        gap = height - self.depth + displacements[: len(self.F)][self.nodes] @ N.T
+        gap = height - self._approach + displacements[: len(self.F)][self.nodes] @ N.T
         return strain + float((W * self.law.potential(gap, lam)).sum())
 
 

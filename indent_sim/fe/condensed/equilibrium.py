@@ -14,7 +14,9 @@ import numpy as np
 from indent_sim.fe.condensed.compliance import Condenser
 from indent_sim.fe.condensed.condensed_state import CondensedState
 from indent_sim.fe.condensed.contact import CondensedContact
+from indent_sim.fe.condensed.flat_contact import flat_contact_radius
 from indent_sim.fe.condensed.flat_punches import punches
+from indent_sim.fe.condensed.resting_body import RestingBodyCondenser
 from indent_sim.fe.condensed.soft_tip import SoftTipCondenser
 from indent_sim.fe.discrete_body import Body
 from indent_sim.fe.path.equilibrium import (
@@ -40,13 +42,18 @@ class ContactForces:
     """State of the contact: nodal forces, multiplier, depth and slide of the tip [length].
 
     Nodal forces (axes, nodes) and multiplier (nodes,) are stored for all nodes of the contact
-    surface, so that they do not depend on the choice of candidates.
+    surface, so that they do not depend on the choice of candidates. `motion` is that of a body that
+    rests on a flat [length].
     """
 
     nodal: np.ndarray
     lam: np.ndarray
     depth: float
     slide: float = 0.0
+    motion: float = 0.0
+
+
+BodyCondenser = Condenser | SoftTipCondenser | RestingBodyCondenser
 
 
 class CondensedEquilibrium(Equilibrium):
@@ -60,13 +67,11 @@ class CondensedEquilibrium(Equilibrium):
     scene, body
         The scene and its discrete body.
     condenser
-        The condenser of an already factored body, or of a body and its soft tip; a new one if
-        None.
+        The condenser of an already factored body, of a body and its soft tip, or of a body that
+        rests on a flat; a new one if None.
     """
 
-    def __init__(
-        self, scene: Scene, body: Body, condenser: Condenser | SoftTipCondenser | None = None
-    ):
+    def __init__(self, scene: Scene, body: Body, condenser: BodyCondenser | None = None):
         self.scene = scene
         self.body = body
         self.has_memory = scene.physics.contact.is_path_dependent
@@ -110,7 +115,7 @@ class CondensedEquilibrium(Equilibrium):
         self._noncontact_trace = self.body.noncontact_trace.join(
             self.body.trace.select_facets(is_outside)
         )
-        trace = compliance.trace
+        trace = compliance.tip_trace
         distance = self.scene.contact_track.distance(trace.X[..., :-1])
         is_rim = (distance >= radius - 2 * self.scene.sizes.h_contact) & (
             radius < self._largest_radius
@@ -140,7 +145,7 @@ class CondensedEquilibrium(Equilibrium):
     @property
     def force(self) -> float:
         """Force of the whole body on the tip [force]."""
-        return self.scene.physics.domain.symmetry_factor * float(self.contact.F.sum())
+        return self.scene.physics.domain.symmetry_factor * self.contact.tip_force
 
     def tighten_tolerance(self) -> float:
         """Return the relative error of a force: round-off, because the solver is direct."""
@@ -168,10 +173,13 @@ class CondensedEquilibrium(Equilibrium):
         lam = contact.lam
         last_depth = contact.depth
         last_slide = contact.slide
+        last_motion = contact.motion
         while self.contact.solve(depth, slide):
             if self._is_contact_inside():
                 return True
-            forces_before = _forces_on_surface(contact, forces, lam, last_depth, last_slide)
+            forces_before = _forces_on_surface(
+                contact, forces, lam, last_depth, last_slide, last_motion
+            )
             is_enlarged = self._enlarge_candidate_set()
             # A restart makes the result independent of the previous candidates
             self._set_trial_state(forces_before)
@@ -215,7 +223,7 @@ class CondensedEquilibrium(Equilibrium):
         """Return a copy of the present state."""
         contact = self.contact
         return _forces_on_surface(
-            contact, contact.forces, contact.lam, contact.depth, contact.slide
+            contact, contact.forces, contact.lam, contact.depth, contact.slide, contact.motion
         )
 
     def restore(self, state: ContactForces) -> None:
@@ -228,6 +236,7 @@ class CondensedEquilibrium(Equilibrium):
         self.contact.forces = state.nodal[:, self.contact.candidates]
         self.contact.lam = state.lam
         self.contact.depth = state.depth
+        self.contact.motion = state.motion
         self.contact.slide_tip(state.slide)
 
     def extrapolate(self, depth: float, earlier: Sequence[ContactForces]) -> None:
@@ -237,7 +246,10 @@ class CondensedEquilibrium(Equilibrium):
         weights = lagrange_weights([state.depth for state in earlier], depth)
         nodal = sum(weight * state.nodal for weight, state in zip(weights, earlier, strict=True))
         lam = sum(weight * state.lam for weight, state in zip(weights, earlier, strict=True))
-        self._set_trial_state(ContactForces(np.asarray(nodal), np.asarray(lam), depth))
+        motion = sum(weight * state.motion for weight, state in zip(weights, earlier, strict=True))
+        self._set_trial_state(
+            ContactForces(np.asarray(nodal), np.asarray(lam), depth, motion=float(motion))
+        )
 
     def _predicted_trial_pressure(
         self, earlier: Sequence[ContactForces], depth: float
@@ -283,6 +295,10 @@ class CondensedEquilibrium(Equilibrium):
             values["tip_sink"] = self.condenser.tip_sink(X)
             values["tip_energy"] = symmetry_factor * self.condenser.tip_energy(X)
         values["stray_reaction"] = symmetry_factor * float(compliance.pin_reactions @ np.abs(X))
+        if flat := compliance.flat:
+            values["stray_reaction"] += abs(symmetry_factor * flat.imbalance(X))
+            values["base_approach"] = contact.base_approach
+            values["a_base"] = flat_contact_radius(contact, values["force"])
         for name, k in self.scene.physics.side_force_axes.items():
             values[f"side_force_{name}"] = symmetry_factor * contact.side_force(k)
         if self.scene.physics.has_moment:
@@ -290,6 +306,8 @@ class CondensedEquilibrium(Equilibrium):
         solution = self.condenser.local_displacements(compliance, X)
         if solution is None:
             solution = self.observed_body.local_array()
+        else:
+            self._add_motion(solution, self.condenser.observed_dofs)
         values["intrusion"] = penetration.penetration_outside_contact_surface(
             self._recovered_body, self._noncontact_trace, solution
         )
@@ -299,16 +317,33 @@ class CondensedEquilibrium(Equilibrium):
     def observed_body(self) -> RecoveredBody:
         """The whole body with the displacements of the present state (collective)."""
         self.condenser.recover(self.contact.compliance, self.contact.forces.ravel())
+        self._add_motion(self.body.local_array())
         return self._recovered_body
+
+    def _add_motion(self, solution: np.ndarray, dofs: np.ndarray | None = None) -> None:
+        """Add the motion of a body that rests on a flat to displacements of the pinned body.
+
+        Only the local `dofs` are changed if they are given.
+        """
+        if self.contact.compliance.flat is None:
+            return
+        vertical = self.body.unknowns.component_dofs("u")[self.scene.physics.domain.dim - 1]
+        moved = vertical if dofs is None else np.intersect1d(vertical, dofs)
+        solution[moved] -= self.contact.base_approach
 
 
 def _forces_on_surface(
-    contact: CondensedContact, forces: np.ndarray, lam: np.ndarray, depth: float, slide: float
+    contact: CondensedContact,
+    forces: np.ndarray,
+    lam: np.ndarray,
+    depth: float,
+    slide: float,
+    motion: float,
 ) -> ContactForces:
     """Return the state of the whole contact surface for given forces on the candidate nodes."""
     nodal = np.zeros((len(forces), len(lam)))
     nodal[:, contact.candidates] = forces
-    return ContactForces(nodal, lam, depth, slide)
+    return ContactForces(nodal, lam, depth, slide, motion)
 
 
 class RecoveredBody(WholeBody):

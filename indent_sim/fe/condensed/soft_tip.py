@@ -26,14 +26,18 @@ from scipy.sparse import csc_matrix
 from scipy.sparse.linalg import splu
 
 from indent_sim.fe.condensed.compliance import Compliance, Condenser, surface_mass_matrix
+from indent_sim.fe.condensed.resting_body import RestingBodyCondenser
 from indent_sim.fe.quadrature import contact_quadrature
 from indent_sim.fe.shape_functions import shape_functions
 from indent_sim.fe.surface import Trace
+from indent_sim.model.body import Cylinder
 from indent_sim.model.tip_track import TipTrack
 
 # Gauss points between two neighbouring vertices of both surfaces: products of two quadratic shape
 # functions, the radius and a smooth metric are integrated to round-off.
 GAUSS_POINTS = 6
+# Relative distance of nodes beyond the edge of a tip that is round-off of coordinates.
+EDGE_TOLERANCE = 1e-9
 
 
 class SoftTipCondenser:
@@ -48,7 +52,7 @@ class SoftTipCondenser:
         The condensers of body and tip, each in the scales of its scene.
     """
 
-    def __init__(self, body: Condenser, tip: Condenser):
+    def __init__(self, body: Condenser | RestingBodyCondenser, tip: Condenser):
         self.body_condenser = body
         self.tip_condenser = tip
         self.facet_rows = body.facet_rows
@@ -64,6 +68,7 @@ class SoftTipCondenser:
         self._compliance_ratio = (scales.pressure * scales.length) / (
             tip_scales.pressure * tip_scales.length
         )
+        self._ends_at_edge = isinstance(tip.body.scene.physics.body, Cylinder)
         self._rigid_tip: Compliance | None = None
         self._compliance: Compliance | None = None
         self._tip_compliance: Compliance | None = None
@@ -78,7 +83,7 @@ class SoftTipCondenser:
         if self._compliance is not None and rigid_tip is self._rigid_tip:
             return self._compliance
         # The last facet of the body may end beyond the radius.
-        reach = float(rigid_tip.trace.X[..., 0].max()) / self._length_ratio
+        reach = float(rigid_tip.tip_trace.X[..., 0].max()) / self._length_ratio
         self._tip_compliance = self.tip_condenser.condense(reach, TipTrack((0.0, 0.0)), axes)
         self._transfer = self._mortar_projection(rigid_tip, self._tip_compliance.trace)
         C = self._tip_compliance.C * self._compliance_ratio
@@ -90,23 +95,39 @@ class SoftTipCondenser:
 
     def _mortar_projection(self, body: Compliance, tip: Trace) -> np.ndarray:
         """Return P (tip nodes, candidates of the body)."""
-        r, weight = _projection_points(body.surface, tip, self._length_ratio)
-        N1 = _shape_functions_at(body.surface, r, 1.0)
-        N2 = _shape_functions_at(tip, r, self._length_ratio)
-        metric = _surface_metric(body.surface, r)
-        mixed = N2.T @ N1.multiply((2 * math.pi * weight * r * metric)[:, None])
         surface = body.surface
+        tip_surface = body.tip_surface
+        count = 1 + int(surface.nodes.max())
+        r, weight = _projection_points(tip_surface, tip, self._length_ratio)
+        N1 = _shape_functions_at(tip_surface, r, 1.0, count)
+        N2 = _shape_functions_at(tip, r, self._length_ratio, 1 + int(tip.nodes.max()))
+        metric = _surface_metric(tip_surface, r)
+        mixed = N2.T @ N1.multiply((2 * math.pi * weight * r * metric)[:, None])
         points, weights = contact_quadrature(surface.dim)
         r_points = surface.positions(points)[..., 0]
         areas = surface.measures(points) * weights * 2 * math.pi * r_points
-        factor = splu(surface_mass_matrix(surface, areas))
-        forces = np.zeros((factor.shape[0], body.size))
+        mass = surface_mass_matrix(surface, areas)
+        forces = np.zeros((count, body.size))
         forces[body.candidates, np.arange(body.size)] = 1.0
-        return np.asarray(mixed @ factor.solve(forces))
+        if not self._ends_at_edge:
+            return np.asarray(mixed @ splu(mass).solve(forces))
+        # The pressure ends in a step at the edge of the tip. Continued beyond it, a part of the
+        # force would be lost.
+        end = float(tip.X[..., 0].max()) * self._length_ratio
+        is_inside = (surface.X[..., 0] <= end * (1 + EDGE_TOLERANCE)).all(axis=1)
+        inside = np.unique(surface.nodes[is_inside])
+        mass = surface_mass_matrix(surface.select_facets(is_inside), areas[is_inside])
+        pressures = splu(csc_matrix(mass[inside][:, inside])).solve(forces[inside])
+        return np.asarray(mixed[:, inside] @ pressures)
 
     def _tip_forces(self, nodal_forces: np.ndarray) -> np.ndarray:
         """Return the nodal forces on the tip for those on the candidates [force of the body]."""
         return self._transfer @ nodal_forces
+
+    @property
+    def observed_dofs(self) -> np.ndarray:
+        """Local positions of the displacements of the body's surface, see `Condenser`."""
+        return self.body_condenser.observed_dofs
 
     def tip_sink(self, nodal_forces: np.ndarray) -> float:
         """Return the displacement of the tip's apex towards its holder [length]."""
@@ -135,7 +156,9 @@ class SoftTipCondenser:
         )
         last = float(trace.X[..., 0].max()) * self._length_ratio
         inside = np.minimum(np.abs(r).ravel(), last)
-        values = _shape_functions_at(trace, inside, self._length_ratio) @ displacement
+        values = (
+            _shape_functions_at(trace, inside, self._length_ratio, len(displacement)) @ displacement
+        )
         return np.asarray(values).reshape(r.shape)
 
 
@@ -172,13 +195,12 @@ def _facets_at(trace: Trace, r: np.ndarray, unit: float) -> tuple[np.ndarray, np
     return facets, np.clip(2 * (r - first) / (b + np.copysign(root, b)), 0.0, 1.0)
 
 
-def _shape_functions_at(trace: Trace, r: np.ndarray, unit: float) -> csc_matrix:
-    """Return the matrix (points, nodes) of the shape functions of all nodes at radii r."""
+def _shape_functions_at(trace: Trace, r: np.ndarray, unit: float, count: int) -> csc_matrix:
+    """Return the matrix (points, count) of the shape functions of all nodes at radii r."""
     facets, x = _facets_at(trace, r, unit)
     values = shape_functions(np.ascontiguousarray(x[:, None]))
     rows = np.repeat(np.arange(len(r)), values.shape[1])
-    shape = (len(r), 1 + int(trace.nodes.max()))
-    return csc_matrix((values.ravel(), (rows, trace.nodes[facets].ravel())), shape=shape)
+    return csc_matrix((values.ravel(), (rows, trace.nodes[facets].ravel())), shape=(len(r), count))
 
 
 def _surface_metric(trace: Trace, r: np.ndarray) -> np.ndarray:

@@ -204,13 +204,14 @@ class ElasticLoadCurveGrid:
     ):
         self.scene_curve = solve_load_curve(config, max_depth, wants_punches)
         solve = partial(_solve_coefficients, max_depth, wants_punches, self.scene_curve.exponent)
-        # Nodes around a value; the error is 2e-6 of the force with steps of 0.2.
+        # Number of interpolation nodes around a value; with steps of 0.2 in theta the interpolation
+        # error is 2e-6 of the force.
         grid_nodes = 6
         self._grid = ParameterGrid(
             config, shape_parameters, _pack_coefficients(self.scene_curve), solve, grid_nodes
         )
 
-    def with_depth(self, max_depth: float) -> ElasticLoadCurveGrid:
+    def copy_for_depth(self, max_depth: float) -> ElasticLoadCurveGrid:
         """Return the curves of a self-similar scene up to another depth, without a solution."""
         grid = copy.copy(self)
         curve = self.scene_curve
@@ -247,12 +248,12 @@ class ElasticLoadCurveGrid:
 def _solve_coefficients(
     max_depth: float, wants_punches: bool, exponent: float, config: Config
 ) -> np.ndarray:
-    """Return the numbers of the load curve of a scene."""
+    """Return the coefficients of the load curve of a scene, as one array."""
     return _pack_coefficients(solve_load_curve(config, max_depth, wants_punches, exponent))
 
 
 def _pack_coefficients(load_curve: ElasticLoadCurve) -> np.ndarray:
-    """Return the numbers of a load curve that depend on parameters, as one array."""
+    """Return all coefficients of a load curve that depend on parameters, as one array."""
     punch_values = (
         []
         if load_curve.punch_coefficients is None
@@ -343,7 +344,7 @@ def solve_load_curve(
 
 
 def _self_similar_curve(planned_run: PlannedRun, max_depth: float) -> ElasticLoadCurve:
-    """Return F = C delta^2 with the constant of one solution, at the depth that the mesh is for."""
+    """Return the curve F = C delta^2 with C from one solution at the depth of the scene's mesh."""
     try:
         solved = self_similar_force(planned_run, max_depth)
     except (NotConverged, *NUMERICAL_ERRORS) as error:
@@ -390,8 +391,8 @@ def _curve_from_mesh(
     theory_forces = (
         theory_forces if theory_forces is not None and (theory_forces > 0).all() else None
     )
-    # The contact at less than 5 % of the depth (the square of this s) has too few elements of a
-    # mesh.
+    # At less than 5 % of the depth (the square of this s) the contact of a mesh has too few
+    # elements.
     min_root = 0.2236
     is_resolved = (min_root <= DEPTH_ROOTS) & (forces > 0)
     if np.count_nonzero(is_resolved) <= MESH_DEGREE:
@@ -441,8 +442,8 @@ def _depth_exponent(depths: np.ndarray, forces: np.ndarray) -> float:
     It is rounded to a multiple of 0.5 if this is close.
     """
     slope = float(np.log(forces[1] / forces[0]) / np.log(depths[1] / depths[0]))
-    # An exponent of the depth is rounded to a multiple of the step if it is nearer than the
-    # tolerance.
+    # The exponent is rounded to the nearest multiple of the step if it is within the tolerance of
+    # it.
     step = 0.5
     tolerance = 0.02
     nearest_half = step * round(slope / step)

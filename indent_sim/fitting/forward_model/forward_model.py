@@ -52,11 +52,12 @@ FREE_EXPONENT_KEY = "exponent"
 # Key of the exponent of the contact radius by which an alternative model multiplies the work of
 # adhesion.
 WORK_EXPONENT_KEY = "work_exponent"
-MIN_RELATIVE_DEPTH = 1e-9  # a free power of the depth is constant below this, also if it diverges
+# below this depth the factor by a free power of the depth is constant, since it may diverge at 0
+MIN_RELATIVE_DEPTH = 1e-9
 # Branches of the samples of an adhesive tip that is in contact.
 APPROACH = 1
 RETRACT = 2
-# Maps times to the function that turns elastic forces at these times into relaxed forces.
+# Function of times that returns an operator from elastic forces at these times to relaxed forces.
 LoadCurve = ElasticLoadCurve | TabulatedLoadCurve
 RelaxationOperator = Callable[[np.ndarray], Callable[[np.ndarray], np.ndarray]]
 
@@ -312,17 +313,19 @@ class ForwardModel:
         model._curve_rows = self._curve_rows[curves]
         return model
 
-    def with_depth(self, max_depth: float) -> ForwardModel:
+    def copy_for_depth(self, max_depth: float) -> ForwardModel:
         """Return a copy of the model of a self-similar scene for another largest depth."""
         model = copy.copy(self)
         model.__dict__.pop("tabulated_curve", None)
         model.max_depth = max_depth
         model.pivot_depth = max_depth
-        model.elastic_curves = self.elastic_curves.with_depth(max_depth)
+        model.elastic_curves = self.elastic_curves.copy_for_depth(max_depth)
         return model
 
-    def with_load_curves(self, load_curves: TabulatedLoadCurve, rows: np.ndarray) -> ForwardModel:
-        """Return a copy of the model with one tabulated load curve for each measured curve.
+    def replace_load_curves(
+        self, load_curves: TabulatedLoadCurve, rows: np.ndarray
+    ) -> ForwardModel:
+        """Return a copy of the model with a separate load curve for each measured curve.
 
         Parameters
         ----------
@@ -416,7 +419,8 @@ class ForwardModel:
     def unit_forces(self, delta: np.ndarray) -> np.ndarray:
         """Return the elastic forces of the unchanged scene at depths (..., n) [length].
 
-        The first dimension of a batch with load curves of its own is that of the curves.
+        In a batch with one load curve for each measured curve, the first dimension counts the
+        curves.
         """
         rows = self._curve_rows
         if rows is not None:
@@ -426,7 +430,7 @@ class ForwardModel:
     def force_without_spring(self, theta: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
         """Return the force over depth without spring and relaxation, for an initial guess.
 
-        An adhesive tip is in contact from first touch until pull-off.
+        An adhesive tip is in contact from first contact until pull-off.
         """
         settings = self._experiment_settings(theta)
         path_forces = self.path_forces
@@ -580,7 +584,7 @@ class ForwardModel:
     ) -> np.ndarray:
         """Return the force of an adhesive tip at displacements (n,).
 
-        If the branch of the samples is None, the tip is in contact from first touch (x = 0) until
+        If the branch of the samples is None, the tip is in contact from first contact (x = 0) until
         pull-off. A sample that is in contact beyond pull-off has the force at pull-off, and one
         beyond the largest punch a linear continuation.
         """
@@ -608,7 +612,7 @@ class ForwardModel:
         """
         assert load_curve.punch_coefficients is not None
         log_min_radius = math.log(MIN_RADIUS_FRACTION)
-        # Samples of the stable branch of an adhesive tip.
+        # Number of points on the stable branch of an adhesive tip.
         jkr_branch_samples = 1500
         ln_a = np.linspace(log_min_radius, 0.0, jkr_branch_samples)
         work_factor = np.exp(settings.work_exponent * ln_a)
@@ -622,7 +626,7 @@ class ForwardModel:
         displacement = delta + settings.compliance * force
         unstable_points = np.flatnonzero(np.diff(displacement) <= 0)
         first_stable = int(unstable_points[-1]) + 1 if len(unstable_points) else 0
-        # Adhesion that is too strong for the solved contacts leaves their last two.
+        # If the adhesion is too strong for the solved contacts, the branch has only their last two.
         first_stable = min(first_stable, jkr_branch_samples - 2)
         return displacement[first_stable:], force[first_stable:]
 
@@ -642,14 +646,14 @@ class ForwardModel:
     def bound_work(self, lowest: float) -> ForwardModel:
         """Return the model with a lower bound of its works of adhesion during fits [force/length].
 
-        The logarithm of a work that is next to nothing has no effect on the force.
+        Below it the work of adhesion is so small that its logarithm has no effect on the force.
         """
         model = copy.copy(self)
         model.lowest_work = lowest
         return model
 
     def largest_displacement(self, theta: np.ndarray) -> float:
-        """Return the displacement of the base [length] up to which adhesive contacts are known."""
+        """Return the displacement of the base [length] up to which contacts were solved."""
         settings = self._experiment_settings(theta)
         load_curve = self.elastic_curves.load_curve(settings.shape_coordinates)
         works = (settings.adhesion_work, settings.retract_work)
@@ -692,8 +696,7 @@ class ForwardModel:
         time is solved independently of other times.
         """
         delta = x.copy()
-        # Newton's method for the depth behind a spring, with its tolerance relative to the largest
-        # depth.
+        # The tolerance of Newton's method for the depth is relative to the largest depth.
         max_iterations = 60
         tolerance = 1e-9
         for _ in range(max_iterations):
@@ -706,7 +709,7 @@ class ForwardModel:
 
 
 def _force_in_contact(x: np.ndarray, displacement: np.ndarray, force: np.ndarray) -> np.ndarray:
-    """Return forces along a stable branch from first touch (x = 0) until pull-off, else 0 (n,)."""
+    """Return forces (n,) along a stable branch from x = 0 until pull-off, 0 elsewhere."""
     has_touched = np.logical_or.accumulate(x >= 0.0)
     is_in_contact = has_touched & (x >= displacement[0])
     return np.where(is_in_contact, _continued(x, displacement, force), 0.0)
@@ -836,7 +839,7 @@ class ForwardModelCache:
                 self._models.clear()
             self._models[cache_key] = _build_forward_model(config, keys, max_depth, measured_path)
         model = self._models[cache_key]
-        return model if model.max_depth == max_depth else model.with_depth(max_depth)
+        return model if model.max_depth == max_depth else model.copy_for_depth(max_depth)
 
 
 def _build_forward_model(

@@ -64,7 +64,8 @@ class MeasuredPath:
     def times(self) -> np.ndarray:
         """Times (n,) of the force samples, in geometric progression after each corner."""
         t = np.unique([t for t, _ in self.corners])
-        # Times in each segment of a path, and the first of them as a fraction of its duration.
+        # Number of times in each segment of a path, and the first of them as a fraction of the
+        # duration of the segment.
         count = 40
         first_fraction = 1e-4
         fractions = np.geomspace(first_fraction, 1.0, count)
@@ -100,7 +101,8 @@ def simplify_path(t: np.ndarray, delta: np.ndarray, tolerance: float = 0.0) -> M
     delta = np.maximum(delta[first_index:], 0.0)
     start_corners = [(0.0, 0.0)]
     if t[0] <= 0:
-        # The curve is in contact from its first sample: the depth jumps there.
+        # If the curve is in contact from its first sample on, the path begins with a jump of the
+        # depth.
         start_corners.append((0.0, float(delta[0])))
     else:
         t = np.append(0.0, t)
@@ -167,7 +169,7 @@ class MeasuredPathForces:
         )
 
     def time_step_error(self, scene: Config, theta: Sequence[float], t: np.ndarray) -> np.ndarray:
-        """Return the difference (n,) between G by a run with half the time step and interpolated G.
+        """Return the difference (n,) of G by a run with half the time step from the interpolated G.
 
         It estimates the error of time discretisation and interpolation; theta are the transformed
         parameters of the scene.
@@ -180,7 +182,7 @@ class MeasuredPathForces:
 
     @property
     def peak_force_factor(self) -> float:
-        """Factor G of the unchanged scene at the first time of the largest depth."""
+        """G = F_run/delta_run^p of the unchanged scene when its largest depth is first reached."""
         t = next(
             t
             for t, delta in self.path.corners

@@ -16,7 +16,7 @@ from indent_sim.config.schema import Config
 from indent_sim.fitting.forward_model.parameters import Parameter, replace_numbers
 from indent_sim.process.errors import IndentSimError
 
-# NumPy and the theories raise these errors for parameters without a solution.
+# NumPy and the functions of `theory` raise these errors for parameters without a solution.
 NUMERICAL_ERRORS = (ArithmeticError, ValueError, np.linalg.LinAlgError)
 
 
@@ -47,12 +47,12 @@ class ParameterGrid:
         self._node_values: dict[tuple[int, ...], np.ndarray | None] = {}
 
     def interpolate(self, theta: Sequence[float]) -> np.ndarray:
-        """Return the array at transformed values theta of the parameters.
+        """Return the array, interpolated at the transformed values theta of the parameters.
 
         Raises
         ------
         ForwardModelUnavailable
-            If the scene has no solution there.
+            If the scene has no solution at these parameters.
         """
         if not self.shape_parameters:
             return self.scene_values

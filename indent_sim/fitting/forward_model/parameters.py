@@ -18,7 +18,9 @@ ADHESION_WORK_KEY = "experiment.adhesion.work"
 # Work of adhesion during the retraction, if approach and retraction are fitted together.
 RETRACT_WORK_KEY = "experiment.adhesion.work_retract"
 SPRING_KEYS = ("experiment.cantilever.stiffness", "experiment.frame.compliance")
-MIN_HEIGHT_DEPTHS = 1.15  # lower bound of a height in depths: the tip must not reach the base
+# lower bound of a height, in multiples of the largest depth, so that the tip does not reach the
+# base
+MIN_HEIGHT_DEPTHS = 1.15
 
 
 @dataclass(frozen=True)
@@ -122,7 +124,7 @@ def _make_parameter(config: Config, key: str, max_depth: float) -> Parameter:
 def number_at(config: Config, key: str) -> float:
     """Return the number at a key; raise ConfigError if a curve cannot determine it.
 
-    The work of the retraction begins at that of the scene.
+    The initial value of the work of adhesion of the retraction is the scene's work of adhesion.
     """
     if key == RETRACT_WORK_KEY:
         return number_at(config, ADHESION_WORK_KEY)

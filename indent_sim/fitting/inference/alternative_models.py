@@ -141,7 +141,7 @@ def _best_candidate(
     ]
     best: tuple[float, CurveModel, np.ndarray] | None = None
     for forward_model, theta in candidates:
-        model = _with_forward_model(pilot_model, forward_model)
+        model = _replace_forward_model(pilot_model, forward_model)
         try:
             p, squares = model.least_squares(
                 np.array([*theta, *baseline_values]), rounds=iterations
@@ -157,7 +157,7 @@ def _best_candidate(
     return Estimate(model, p, p, uncertainty_at(model, p))
 
 
-def _with_forward_model(model: CurveModel, forward_model: ForwardModel) -> CurveModel:
+def _replace_forward_model(model: CurveModel, forward_model: ForwardModel) -> CurveModel:
     """Return a model with another forward model, and the same contact point and baseline."""
     added = len(forward_model.parameters) - model.coordinate_count
     fixed = frozenset(k + added if k >= model.coordinate_count else k for k in model.fixed)
@@ -175,13 +175,13 @@ def _fit_adhesion(estimate: Estimate, config: Config, tables: ForwardModelCache)
     if ADHESION_WORK_KEY in forward_model.varied_keys:
         return _fit_growing_adhesion(estimate)
     if not forward_model.has_adhesion:
-        # The fit begins with works of any size, whichever the scene has.
+        # The initial guesses of the work cover all magnitudes, whatever the scene's work is.
         radius = forward_model.elastic_curves.scene_curve.contact_radius
         config = add_to_experiment(
             config, adhesion={"work": 0.01 * _scene_max_force(forward_model) / radius}
         )
     keys = (*forward_model.varied_keys, ADHESION_WORK_KEY)
-    # Contacts of an adhesive tip are those of larger depths without adhesion.
+    # The contact of an adhesive tip is as large as that of a deeper tip without adhesion.
     for factor in (1.0 if forward_model.has_adhesion else 2.0, 1.0):
         try:
             adhesive_model = tables.forward_model(config, keys, factor * forward_model.max_depth)
@@ -200,7 +200,7 @@ def _fit_adhesion(estimate: Estimate, config: Config, tables: ForwardModelCache)
 
 def _fit_growing_adhesion(estimate: Estimate) -> Estimate | None:
     """Return the fit of an adhesive scene whose work is multiplied by a power of the radius."""
-    model = _with_forward_model(estimate.model, estimate.model.forward_model.add_work_exponent())
+    model = _replace_forward_model(estimate.model, estimate.model.forward_model.add_work_exponent())
     count = estimate.model.coordinate_count
     trials = []
     for exponent in (0.0, 0.5, 1.5):
@@ -251,7 +251,7 @@ def _candidates(
     """Yield forward models and initial guesses of their transformed parameters."""
     forward_model = estimate.model.forward_model
     theta = estimate.ordinary_p[: estimate.model.coordinate_count]
-    # Effects of a scene for which a model is not tried.
+    # Effects of the scene with which a model is not fitted, by name of the model.
     excluded_effects: dict[str, set[str]] = {
         "tip": {"adhesion"},
         "thickness": set(),

@@ -1,7 +1,8 @@
-"""Baseline of a curve: the samples out of contact know it, whatever the contact is.
+"""Baseline of a curve, tested by the samples out of contact, which do not depend on the model.
 
-A fit determines the baseline b0 + b1 s from all samples. A scene that does not explain the contact
-may move it away from the samples out of contact: their residuals are then not noise about zero.
+A fit determines the baseline b0 + b1 s from all samples. If the scene does not explain the contact,
+the fitted baseline may deviate from the samples out of contact, whose residuals then have a mean or
+a slope.
 """
 
 from __future__ import annotations
@@ -14,12 +15,15 @@ from indent_sim.fitting.inference.noise import (
     f_test,
 )
 
-# Least number of samples, and of independent samples, of a baseline that is compared with the fit.
+# Smallest number of samples, and of independent samples, of a baseline that is compared with the
+# fit.
 MIN_POINTS = 40
 MIN_EFFECTIVE_POINTS = 8.0
-# Depths before first contact that do not count as baseline: the snap-in of a tip lies there.
+# Distance before first contact, in depths, that does not count as baseline, since a snap-in lies
+# there.
 CONTACT_MARGIN = 0.2
-# Probability of the baseline's own samples below which the scene does not explain the curve.
+# If chance alone shifts the baseline with a smaller probability, the scene does not explain the
+# curve.
 WRONG_BASELINE_P = 1e-4
 
 
@@ -52,9 +56,9 @@ def baseline_shift_probability(s: np.ndarray, r: np.ndarray, has_slope: bool) ->
     """Return the probability that the samples out of contact differ from the baseline by chance.
 
     It is the probability of an F test of a baseline through the residuals, with the covariance of
-    all noise models of these samples: a misfit of the contact can pass for slow noise of the whole
-    curve. It is None if the baseline is too short, and 1 for a baseline that follows from these
-    samples alone.
+    the noise models averaged over these samples only, since in the noise of the whole curve a
+    misfit of the contact looks like slow noise. It is None if the baseline is too short, and 1 for
+    a baseline that follows from these samples alone.
 
     Parameters
     ----------

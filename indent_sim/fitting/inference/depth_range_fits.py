@@ -71,7 +71,7 @@ def fit_depth_ranges(estimate: Estimate) -> list[DepthRangeFit]:
 
 
 def _contact_progress(model: CurveModel, c: float) -> np.ndarray:
-    """Return the position of each sample between first touch (0) and the deepest sample (1).
+    """Return the position of each sample between first contact (0) and the deepest sample (1).
 
     If the scene is time-dependent, the position in time is returned, since the tip may be held.
     """
@@ -115,8 +115,8 @@ def _fit_depth_range(
         "ij,ji->i", D, uncertainty.likeliest_noise.apply_covariance(D.T)
     )
     if model.touch is not None:
-        # Both fits have the contact point of the snap-in, and differ by its error.
-        shift = D @ model.with_free_touch.jacobian(estimate.ordinary_p)[:, k]
+        # Both fits take the contact point from the snap-in, so that its error is common to both.
+        shift = D @ model.model_without_touch.jacobian(estimate.ordinary_p)[:, k]
         variance += shift**2 * uncertainty.covariance[k, k]
     sd = np.sqrt(np.maximum(variance, 0.0))
     sd = np.maximum(sd, MIN_DEVIATION_RATIO * partial_uncertainty.sd[:k])

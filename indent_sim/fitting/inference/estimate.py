@@ -46,10 +46,10 @@ from indent_sim.fitting.inference.noise import (
 
 MIN_POINTS = 30
 MIN_CONTACT_POINTS = 20
-# Numbers of block means of the curve in the search of initial guesses and in the fit.
+# Number of block means of the curve in the search of initial guesses, and in the fit.
 MAX_PILOT_SAMPLES = 400
 MAX_SAMPLES = 1500
-# Length of the baseline that is fitted: at most these depths, at least this fraction of the range.
+# Length of the fitted baseline: at most this many depths, but at least this fraction of the range.
 MAX_BASELINE_DEPTHS = 1.5
 MIN_BASELINE_FRACTION = 0.02
 # A curve is rejected as saturated if more points than this fraction, and than this number, have the
@@ -66,9 +66,9 @@ MAX_RMS_RATIO = 1.1
 # A snap-in of at least this many standard deviations of the noise lies between two known samples.
 CLEAR_SNAP_DEVIATIONS = 5.0
 # Smallest shift of a contact by adhesion, relative to the depth of the curve. It changes the force
-# by 1.5e-4 of itself.
+# by 0.015 %.
 SMALLEST_SHIFT = 1e-4
-# Largest distance of a value from the fitted one, in its logarithm: a factor of a million.
+# Largest distance of a parameter from its fitted value, in the logarithm: a factor of a million.
 FARTHEST_LOG_DISTANCE = math.log(1e6)
 
 
@@ -223,8 +223,8 @@ class CurveModel:
         return is_free
 
     @property
-    def with_free_touch(self) -> CurveModel:
-        """The model whose contact point is fitted, also if the tip clearly snapped in."""
+    def model_without_touch(self) -> CurveModel:
+        """The model without `touch`: the contact point is fitted even after a clear snap-in."""
         return self if self.touch is None else replace(self, touch=None)
 
     @cached_property
@@ -253,7 +253,7 @@ class CurveModel:
         )
 
     def depth_coordinate(self, p: np.ndarray) -> np.ndarray:
-        """Return the displacements from first touch, x - c (..., n)."""
+        """Return the displacements from first contact, x - c (..., n)."""
         depth: np.ndarray = self.samples.x - p[..., self.coordinate_count, None]
         return depth
 
@@ -394,12 +394,12 @@ class Estimate:
 
     @property
     def contact_point(self) -> float:
-        """Displacement x at first touch [length]."""
+        """Displacement x at first contact [length]."""
         return float(self.p[self.model.coordinate_count])
 
     @property
     def depth(self) -> float:
-        """Displacement from first touch to the deepest sample [length]."""
+        """Displacement from first contact to the deepest sample [length]."""
         return float(self.model.samples.x.max()) - self.contact_point
 
     @cached_property
@@ -471,8 +471,8 @@ def _mean_over_noise(model: CurveModel, ordinary_p: np.ndarray) -> Estimate:
 def uncertainty_at(
     model: CurveModel, p: np.ndarray, noises: Sequence[Noise] | None = None
 ) -> ParameterUncertainty:
-    """Return the uncertainty of the parameters at `p`; fixed parameters have none."""
-    free_model = model.with_free_touch
+    """Return the uncertainty of the parameters at `p`; that of fixed parameters is 0."""
+    free_model = model.model_without_touch
     is_free = free_model.is_free
     uncertainty = average_over_noise(free_model.jacobian(p)[:, is_free], model.residual(p), noises)
     covariance = np.zeros((len(is_free), len(is_free)))
@@ -486,7 +486,7 @@ def uncertainty_at(
 def _observe_touch(
     covariance: np.ndarray, step: np.ndarray, model: CurveModel, p: np.ndarray, s2: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return covariance and mean step of the parameters, with the snap-in as an observation.
+    """Return covariance and mean step of the parameters, with the snap-in as a further observation.
 
     A clear snap-in lies between two samples. It observes the contact point in the middle between
     them, with the standard deviation of a uniform distribution.
@@ -504,8 +504,8 @@ def _observe_touch(
 def _touch_of(model: CurveModel, p: np.ndarray, s2: float) -> tuple[float, float] | None:
     """Return displacements [length] between which the tip snapped in; None if that is not clear.
 
-    If the model decides which samples are in contact, as in a planned measurement, the contact
-    point lies in the middle between two samples.
+    If the samples have no branches, as in a planned measurement, the contact point is assumed in
+    the middle between two samples.
     """
     if model.touch is not None or model.samples.branch is not None:
         return model.touch
@@ -544,9 +544,9 @@ def standard_deviation(estimate: Estimate, k: int, fixed: Sequence[int] = ()) ->
         parameter.
     """
     model = replace(estimate.model, fixed=estimate.model.fixed | set(fixed))
-    is_free = model.with_free_touch.is_free
+    is_free = model.model_without_touch.is_free
     noise = estimate.uncertainty.likeliest_noise
-    J = model.with_free_touch.jacobian(estimate.p)
+    J = model.model_without_touch.jacobian(estimate.p)
     scale = np.sqrt((J * J).sum(axis=0))
     if not scale[k] > 0:
         return math.inf if is_free[k] else 0.0
@@ -624,7 +624,7 @@ def initial_guesses(
     ordered = sorted((guess for guess in guesses if guess), key=lambda guess: guess[0])
     # Number of initial guesses from which the fit is iterated to convergence.
     max_guesses = 3
-    return [_with_known_baseline(p, pilot, origin) for _, p in ordered[:max_guesses]]
+    return [_replace_known_baseline(p, pilot, origin) for _, p in ordered[:max_guesses]]
 
 
 def baseline_level(samples: Samples) -> float:
@@ -639,8 +639,8 @@ def _trial_coordinates(
     """Return the parameters of the scene, and copies with one parameter of some roles changed."""
     initial = forward_model.initial_coordinates
     trials = [initial]
-    # Offsets of the trial values of a coordinate from that of the scene: logarithmic and linear
-    # ones.
+    # Offsets of the trial values of theta from that of the scene, for logarithmic and for linear
+    # parameters.
     log_offsets = (0.0, -1.2, 1.2, -2.4, 2.4)
     linear_offsets = (0.0, -0.1, 0.1)
     for k, parameter in enumerate(forward_model.parameters):
@@ -660,7 +660,7 @@ def _best_contact_point(
     contact_points: Sequence[float],
     origin: OriginOptions,
 ) -> tuple[float, np.ndarray] | None:
-    """Return sum of squares and parameters at the best contact point; None without a contact."""
+    """Return sum of squares and parameters of the best trial contact point; None if no contact."""
     scale_index = forward_model.scale_index
     try:
         force_at_depth = forward_model.force_without_spring(theta)
@@ -782,8 +782,8 @@ def _fit_adhesive_tip(
     return estimate
 
 
-def _with_known_baseline(p: np.ndarray, samples: Samples, origin: OriginOptions) -> np.ndarray:
-    """Return the parameters (p,) with the baseline that is known."""
+def _replace_known_baseline(p: np.ndarray, samples: Samples, origin: OriginOptions) -> np.ndarray:
+    """Return the parameters (p,) with the baseline replaced by the known one."""
     if origin.level is None:
         return p
     mean = float(samples.x.mean())
@@ -849,12 +849,12 @@ def estimate_adhesive_tip(
         return estimate
     count = model.coordinate_count
     held_model = replace(estimate.model, fixed=model.fixed | {count + 1, count + 2})
-    held_p = _with_baseline_of_samples(estimate)
+    held_p = _refit_baseline(estimate)
     held_estimate = _estimate_with_jumps(held_model, held_p, weak_sides)
     return replace(held_estimate, p_baseline_shift=p_shift)
 
 
-def _with_baseline_of_samples(estimate: Estimate) -> np.ndarray:
+def _refit_baseline(estimate: Estimate) -> np.ndarray:
     """Return the parameters with the least-squares baseline of the samples out of contact."""
     model = estimate.model
     p = estimate.p.copy()
@@ -869,7 +869,7 @@ def _estimate_with_jumps(model: CurveModel, p: np.ndarray, weak_sides: tuple[int
     """Fit an adhesive tip and its jumps, beginning at the parameters `p`."""
     model, ordinary_p, _ = place_jumps(model, p, weak_sides)
     if model.touch is not None:
-        # The contact may tell the contact point better than the snap-in does.
+        # The force in contact may determine the contact point better than the snap-in does.
         ordinary_p = ordinary_p + uncertainty_at(model, ordinary_p, (WHITE,)).step
         ordinary_p, _ = model.least_squares(ordinary_p)
     return _mean_over_noise(model, ordinary_p)
@@ -889,7 +889,7 @@ def place_jumps(
     squares : float
         The sum of squares.
     """
-    p = _at_touch(model, p)
+    p = _move_to_touch(model, p)
     if not weak_sides:
         return model, *model.least_squares(p)
     branch = _branch_by_model(model, p, weak_sides)
@@ -910,24 +910,26 @@ def place_jumps(
     if abs(first_force) < CLEAR_SNAP_DEVIATIONS * _rms_residual(model, p):
         return model, p, squares
     model = replace(model, touch=touch)
-    return model, *model.least_squares(_at_touch(model, p))
+    return model, *model.least_squares(_move_to_touch(model, p))
 
 
 def _search_touch(model: CurveModel, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return branches and parameters of the snap-in with the least squares near the contact point.
+    """Return branches (n,) and parameters for the snap-in with the smallest sum of squares.
 
-    The sum of squares jumps where the touch passes a sample, and a descent iteration stops there:
-    the intervals between samples are tried in turn.
+    The sum of squares jumps where the snap-in passes a sample, at which a descent iteration would
+    stop. Therefore all intervals between samples near the contact point are tried in turn.
     """
     samples = model.samples
     assert samples.branch is not None
     approach = np.flatnonzero(np.abs(samples.branch) == APPROACH)
-    # Samples that are farther than all earlier ones: a touch lies before one of them.
+    # Samples at a larger displacement than all earlier ones; the snap-in lies just before one of
+    # them.
     farthest = np.maximum.accumulate(samples.x[approach])
     first_samples = approach[1:][farthest[1:] > farthest[:-1]]
     contact_point = float(p[model.coordinate_count])
     center = int(np.searchsorted(samples.x[first_samples], contact_point))
-    # Samples on each side of the contact point that are tried, iterations of a trial, and moves.
+    # Number of samples tried on each side of the center, iterations of each trial, and moves of the
+    # center to the best trial.
     reach = 6
     iterations = 4
     max_moves = 6
@@ -944,7 +946,7 @@ def _search_touch(model: CurveModel, p: np.ndarray) -> tuple[np.ndarray, np.ndar
             touch = (float(samples.x[first - 1]), float(samples.x[first]))
             trial = replace(model, samples=replace(samples, branch=branch), touch=touch)
             start = p if best is None else best[2]
-            trial_p, squares = trial.least_squares(_at_touch(trial, start), rounds=iterations)
+            trial_p, squares = trial.least_squares(_move_to_touch(trial, start), rounds=iterations)
             if best is None or squares < best[0]:
                 best = squares, index, trial_p, branch
         if best is None or best[1] == center:
@@ -953,8 +955,8 @@ def _search_touch(model: CurveModel, p: np.ndarray) -> tuple[np.ndarray, np.ndar
     return (samples.branch, p) if best is None else (best[3], best[2])
 
 
-def _at_touch(model: CurveModel, p: np.ndarray) -> np.ndarray:
-    """Return the parameters with the contact point in the middle of the touch, if it is known."""
+def _move_to_touch(model: CurveModel, p: np.ndarray) -> np.ndarray:
+    """Return the parameters with the contact point in the middle of `touch`, if that is known."""
     p = p.copy()
     if model.touch is not None:
         p[model.coordinate_count] = 0.5 * sum(model.touch)
@@ -962,7 +964,7 @@ def _at_touch(model: CurveModel, p: np.ndarray) -> np.ndarray:
 
 
 def _branch_by_model(model: CurveModel, p: np.ndarray, weak_sides: tuple[int, ...]) -> np.ndarray:
-    """Return the branches (n,), on weak sides as the model predicts them."""
+    """Return the branches (n,); on sides without a clear jump the model predicts them."""
     samples = model.samples
     assert samples.branch is not None
     side = np.abs(samples.branch)
@@ -978,8 +980,8 @@ def _branch_of_least_squares(
 ) -> np.ndarray:
     """Return the branches (n,) with the least squares at the parameters p.
 
-    The snap-in of a given contact point lies within some samples of it; that of a fitted one has
-    been searched.
+    If the contact point is given, the snap-in lies within some samples of it. Otherwise the snap-in
+    has been found by `_search_touch`, and does not move.
     """
     samples = model.samples
     assert samples.branch is not None
@@ -1047,8 +1049,9 @@ def _adhesive_trials(
 ) -> Iterator[tuple[np.ndarray, bool]]:
     """Yield trial values of theta, and whether their force and adhesion are scaled together.
 
-    The ratio of work and modulus has no natural size in the scene. It is tried from one that hardly
-    shifts the largest contact to one that shifts it by twice the depth, whichever of both varies.
+    The ratio of work of adhesion and modulus is unknown in advance. Trial ratios range from one
+    that hardly shifts the largest contact to one that shifts it by twice the depth. They are set by
+    the work if it is varied, otherwise by the modulus.
     """
     shifts = depth * np.geomspace(0.01, 2.0, 24)
     works = [k for k, one in enumerate(forward_model.parameters) if one.role == "work"]
@@ -1104,7 +1107,7 @@ def _reject_weak_signal(estimate: Estimate) -> None:
     contact_count = int(np.count_nonzero(is_in_contact))
     if contact_count < MIN_CONTACT_POINTS:
         raise FitRejected(f"no contact: {contact_count} points in contact")
-    # A misfit of an adhesive contact is no noise, which shows in the samples out of contact.
+    # Residuals of an adhesive contact may be a misfit; the samples out of contact show the noise.
     noise = estimate.rms
     if branch is not None and not is_in_contact.all():
         noise = min(noise, float(np.std(estimate.residual[branch < LEFT_OUT])))

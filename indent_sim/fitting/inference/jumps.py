@@ -6,8 +6,8 @@ Each sample of an adhesive tip belongs to a branch, positive in contact and nega
     -APPROACH, -RETRACT  out of contact
     LEFT_OUT             between the two sides of a jump
 
-A clear jump shows in the samples themselves, whatever the parameters are. A weak one is placed
-where the sum of squares is least.
+A clear jump is found in the samples alone, independently of the parameters. A weak one is placed
+where the sum of squares is smallest.
 """
 
 from __future__ import annotations
@@ -21,12 +21,10 @@ from indent_sim.fitting.forward_model.forward_model import APPROACH, RETRACT
 
 LEFT_OUT = 0
 # A jump is clear if it exceeds this multiple of the standard deviation of the changes between
-# samples, of which one in 3.5 million of normally distributed ones is as large.
+# samples. One in 3.5 million normally distributed changes is as large.
 CLEAR_JUMP_DEVIATIONS = 5.0
-# Number of samples on each side of a jump, whose medians differ by at least half of it.
+# Number of samples on each side of a jump. Their medians must differ by at least half the jump.
 MIN_SIDE_SAMPLES = 5
-# Standard deviation of a normal distribution over the median of its absolute value.
-MEDIAN_TO_DEVIATION = 1.4826
 
 
 @dataclass(frozen=True)
@@ -91,13 +89,15 @@ def find_jumps(x: np.ndarray, force: np.ndarray, side: np.ndarray) -> Jumps:
 
 
 def _clear_fall(force: np.ndarray) -> tuple[int, int] | None:
-    """Return the last sample before and the first one after the largest fall, if it is clear."""
+    """Return the samples before and after the largest fall of the force, if it is clear."""
     if len(force) < 2 * MIN_SIDE_SAMPLES:
         return None
     changes = np.diff(force)
     steepest = int(np.argmin(changes))
-    # Changes of changes do not contain the slope of the contact.
-    deviation = MEDIAN_TO_DEVIATION * float(np.median(np.abs(np.diff(changes)))) / math.sqrt(2.0)
+    # Standard deviation of a normal distribution over the median of its absolute value.
+    median_to_deviation = 1.4826
+    # Second differences do not contain the slope of the contact.
+    deviation = median_to_deviation * float(np.median(np.abs(np.diff(changes)))) / math.sqrt(2.0)
     threshold = max(CLEAR_JUMP_DEVIATIONS * deviation, 1e-9 * float(np.ptp(force)))
     is_fall = changes < -threshold
     before = after = steepest
@@ -109,7 +109,7 @@ def _clear_fall(force: np.ndarray) -> tuple[int, int] | None:
     first = after + 1
     if not is_fall[steepest] or before + 1 < MIN_SIDE_SAMPLES:
         return None
-    # A single sample that is far off is no jump.
+    # A single outlier is no jump.
     earlier = force[before + 1 - MIN_SIDE_SAMPLES : before + 1]
     later = force[first : first + MIN_SIDE_SAMPLES]
     fall = float(np.median(earlier) - np.median(later))

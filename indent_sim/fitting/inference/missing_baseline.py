@@ -1,10 +1,10 @@
 """Curves without a baseline: those that begin in contact, and those that begin with a toe.
 
-A fit of contact point, level and slope takes the beginning of the contact for a tilted baseline. A
-curve with too few samples before contact gets the level 0 and the slope 0. Of a curve whose force
-rises before contact as no straight line does (a toe, of a rough or frayed surface), the baseline is
-that of the samples far from the body, and the toe is left out, as in the toe compensation of
-compression tests.
+A fit of contact point, level and slope would mistake the beginning of the contact for a tilted
+baseline. A curve with too few samples before contact gets the level 0 and the slope 0. If the force
+rises before contact in a curved way (a toe, due to a rough or frayed surface), the baseline is that
+of the samples far from the body, and the toe is left out, as in the toe compensation of compression
+tests.
 """
 
 from __future__ import annotations
@@ -16,23 +16,23 @@ import numpy as np
 from indent_sim.fitting.inference.estimate import Estimate, OriginOptions, Samples
 from indent_sim.fitting.inference.model_assessment import MIN_SHAPE_P, find_residual_trend
 
-# Fewer samples before contact are no baseline.
+# Smallest number of samples before contact that count as a baseline.
 MIN_BASELINE_POINTS = 20
-# The force rises before contact if the mean rise exceeds so many standard errors of white noise,
-# and so many standard deviations of the baseline, whose noise may be slow. With these numbers no
-# baseline is taken for a toe in tests/unit/fitting/test_missing_baseline.py.
+# The force rises before contact if the mean rise exceeds this many standard errors of white noise,
+# and this many standard deviations of the baseline, whose noise may be slow. With these numbers no
+# noisy baseline is mistaken for a toe in tests/unit/fitting/test_missing_baseline.py.
 CLEAR_RISE = 10.0
 CLEAR_NOISE = 5.0
-# A baseline is contact if it rises over the range of a curve by more of the force of the contact.
+# A fitted baseline that rises over the range of a curve by more than this fraction of the contact
+# force is the beginning of the contact.
 STEEP_BASELINE = 0.5
-# A known baseline is discarded if the residuals exceed those of a free one by more.
+# A known baseline is discarded if its residuals exceed those of a free baseline by more than this
+# factor.
 MAX_RMS_RATIO = 1.2
-# A toe is left out up to this part of the largest force. Fits with the other parts give the error
-# of this choice.
+# A toe is left out up to this fraction of the largest force. Fits with the other two fractions give
+# the error of this choice.
 TOE_FORCE = 0.3
 OTHER_TOE_FORCES = (0.2, 0.4)
-# Standard deviation of the tilt of a baseline over the range of a curve, relative to its force.
-USUAL_TILT = 0.01
 
 
 @dataclass(frozen=True)
@@ -46,9 +46,9 @@ class KnownBaseline:
     samples
         The samples without the toe.
     note
-        Sentence that says so.
+        Sentence for the report that states this baseline.
     other_samples
-        The samples without a smaller and a larger toe.
+        Two selections of samples, which leave out a smaller and a larger toe.
     """
 
     origin: OriginOptions
@@ -80,10 +80,10 @@ def known_baseline(samples: Samples, estimate: Estimate) -> KnownBaseline | None
     # Second differences are free of the slope of the contact.
     noise = 1.48 * float(np.median(np.abs(np.diff(samples.force, 2)))) / np.sqrt(6.0)
     count = int(np.count_nonzero(x < estimate.contact_point))
-    # A baseline that rises by more of the force is the beginning of the contact.
+    # A baseline that rises by a larger fraction of the force is the beginning of the contact.
     is_steep = float(estimate.p[-1]) > STEEP_BASELINE * estimate.max_force
     if count < MIN_BASELINE_POINTS or is_steep:
-        known = _without_baseline(origin, x, force, noise)
+        known = _zero_baseline(origin, x, force, noise)
         note = (
             "no baseline: the curve begins in contact. The level 0 and the slope 0 are taken; if "
             "the instrument has another zero, say --level X, or --contact-point X"
@@ -91,24 +91,25 @@ def known_baseline(samples: Samples, estimate: Estimate) -> KnownBaseline | None
         return KnownBaseline(known, samples, note) if known else None
     if not origin.has_slope:
         return None
-    return _with_toe(estimate, samples, x[:count], force[:count], noise)
+    return _baseline_before_toe(estimate, samples, x[:count], force[:count], noise)
 
 
-def _without_baseline(
+def _zero_baseline(
     origin: OriginOptions, x: np.ndarray, force: np.ndarray, noise: float
 ) -> OriginOptions | None:
     """Return the options of a curve that begins in contact; None if its beginning is flat."""
-    # The force of a contact rises at once: compare the first samples with the next ones.
+    # In contact the force rises from the first sample on: compare the first samples with the next
+    # ones.
     m = max(MIN_BASELINE_POINTS, len(x) // 20)
     rise = float(force[m : 2 * m].mean() - force[:m].mean())
-    # Standard errors of a difference of two means that are no noise.
+    # A difference of two means above this many standard errors is not noise.
     clear = 4.0
     if rise < clear * noise * np.sqrt(2.0 / m):
         return None
     return replace(origin, has_slope=False, level=0.0)
 
 
-def _with_toe(
+def _baseline_before_toe(
     estimate: Estimate, samples: Samples, x: np.ndarray, force: np.ndarray, noise: float
 ) -> KnownBaseline | None:
     """Return the baseline of a curve with a toe, by the samples far from the body.
@@ -134,14 +135,16 @@ def _with_toe(
     slow_noise = float(np.std(force[:half] - level - slope * x[:half]))
     if rise < max(CLEAR_RISE * error, CLEAR_NOISE * slow_noise):
         return None
-    # Slow noise rises as well, but then the scene explains the curve.
+    # Slow noise may rise as well; then the scene explains the curve, and there is no toe.
     if find_residual_trend(estimate).shape > MIN_SHAPE_P:
         return None
-    # The toe may begin in the far half.
+    # The toe may begin already in the half of the samples that is farther from the body.
     far = max(half // 2, MIN_BASELINE_POINTS // 2)
     slope, level, spread = _line(x[:far], force[:far])
-    # A slope of few samples is shrunk to 0, its usual value.
-    usual = USUAL_TILT * estimate.max_force / float(np.ptp(estimate.model.samples.x))
+    # Standard deviation of the tilt of a baseline over the range of a curve, relative to its force.
+    usual_tilt = 0.01
+    # The slope of few samples is uncertain: it is shrunk towards 0, its usual value.
+    usual = usual_tilt * estimate.max_force / float(np.ptp(estimate.model.samples.x))
     shrinkage = usual**2 / (usual**2 + noise**2 / spread)
     level += (1.0 - shrinkage) * slope * float(x[:far].mean())
     slope *= shrinkage

@@ -35,7 +35,8 @@ BETTER_MODEL_P = 1e-3
 # above this z score of a fit to a part of the depth.
 MIN_SHAPE_P = 1e-3
 MAX_DEPTH_Z = 3.5
-# Already below this probability, or above this z score, further models and depths are fitted.
+# Below this larger probability, or above this smaller z score, other models and depth ranges are
+# fitted, too.
 SUSPICIOUS_SHAPE_P = 1e-2
 SUSPICIOUS_DEPTH_Z = 2.5
 
@@ -287,7 +288,8 @@ def _snap_in_probability(force: np.ndarray) -> float:
     # Standard deviation of a normal distribution over the median of its absolute value.
     median_to_deviation = 1.4826
     deviation = median_to_deviation * float(np.median(np.abs(changes)))
-    # A curve with few digits has no changes between most samples.
+    # In a curve with few digits most neighbouring samples are equal, and the median of their
+    # changes is 0.
     if not deviation > 0:
         return 1.0
     return min(

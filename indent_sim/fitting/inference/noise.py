@@ -56,7 +56,7 @@ class Noise:
         return math.exp(-1.0 / self.tau) if self.tau else 0.0
 
     def gram(self, X: np.ndarray) -> np.ndarray:
-        """Return X'V^-1 X (..., c, c) of columns X (..., c, n), each as a row."""
+        """Return X'V^-1 X (..., c, c); the c columns of X are stored as rows (..., c, n)."""
         if not self.tau:
             return X @ np.swapaxes(X, -1, -2)  # type: ignore[no-any-return]
         return noise_models(X.shape[-1], (self,)).gram(X)[..., 0, :, :]
@@ -219,7 +219,7 @@ def average_over_noise(
     log_likelihood = -0.5 * (
         models.log_determinant + solution.log_determinant + (n - p) * np.log(s2)
     )
-    # Weight of white noise, in nodes of the grid.
+    # Weight of white noise; that of every other node of the grid is 1.
     white_weight = 54
     log_likelihood[0] += math.log(white_weight if len(models.noises) > 1 else 1)
     weights = np.exp(log_likelihood - log_likelihood.max())
@@ -275,8 +275,8 @@ def solve_normal_equations(gram: np.ndarray, p: int | None = None) -> LinearFit:
     Returns
     -------
     LinearFit
-        The solutions. A pivot below round-off, of columns that depend on others, is raised to
-        round-off, which gives a large variance.
+        The solutions. If a column depends linearly on others, its pivot is below round-off; it is
+        then raised to round-off, which gives a large variance.
     """
     p = gram.shape[-1] - 1 if p is None else p
     M = gram.copy()

@@ -27,7 +27,7 @@ from scipy.optimize import minimize
 
 # Largest number of samples of a baseline that are used: the cost grows with its third power.
 MAX_BASELINE_SAMPLES = 256
-# Fewest baselines, and fewest samples of each, from which the noise of a map is estimated.
+# Smallest number of baselines, and of samples of each, from which the noise of a map is estimated.
 MIN_BASELINES = 64
 MIN_BASELINE_SAMPLES = 48
 
@@ -94,7 +94,7 @@ class PooledNoise:
 
     @classmethod
     def from_record(cls, record: Mapping[str, Any]) -> PooledNoise:
-        """Return the noise of plain data; raise KeyError or TypeError if it is none."""
+        """Return the noise that `as_record` gave; raise KeyError or TypeError for other data."""
         components = tuple(
             NoiseComponent(part["decay_length"], part["wavelength"] or math.inf)
             for part in record["components"]
@@ -116,7 +116,7 @@ class PooledNoise:
         return _cosine_metric(self, n)
 
     def variances(self, rows: np.ndarray) -> np.ndarray:
-        """Return d'V d (...) for rows d (..., n), by the circulant that continues V."""
+        """Return d'V d (...) for rows d (..., n), by a circulant that contains V."""
         n = rows.shape[-1]
         size = next_fast_len(2 * n, real=True)
         covariance = self.autocovariance(n)
@@ -171,12 +171,12 @@ class CosineMetric:
     weights: np.ndarray
 
     def gram(self, X: np.ndarray) -> np.ndarray:
-        """Return X'C W C'X (..., c, c) of columns X (..., c, n), each as a row."""
+        """Return X'C W C'X (..., c, c); the c columns of X are stored as rows (..., c, n)."""
         H = dct(X, type=2, norm="ortho", axis=-1) * np.sqrt(self.weights)
         return H @ np.swapaxes(H, -1, -2)  # type: ignore[no-any-return]
 
     def apply(self, X: np.ndarray) -> np.ndarray:
-        """Return C W C'X of columns X (..., n), each as a row."""
+        """Return C W C'X; the columns of X are stored as rows (..., n)."""
         return idct(  # type: ignore[no-any-return]
             self.weights * dct(X, type=2, norm="ortho", axis=-1), type=2, norm="ortho", axis=-1
         )
@@ -201,7 +201,7 @@ def estimate_pooled_noise(baselines: np.ndarray) -> PooledNoise:
     Returns
     -------
     PooledNoise
-        The noise. Waves are a part of it only if they gain half a unit of ln L a curve, since a
+        The noise. It contains waves only if they increase ln L by at least 0.5 per curve, since a
         wave as long as a baseline cannot be distinguished from slow noise.
     """
     count, m = baselines.shape

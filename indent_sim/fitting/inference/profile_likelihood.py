@@ -24,15 +24,15 @@ from indent_sim.fitting.inference.noise import NORMAL_95
 
 # Half width of the interval of a coordinate above which profiles are computed.
 WIDE_HALF_WIDTH = 0.2
-# The same for a work of adhesion, from its lower bound on.
+# The same for a work of adhesion, whose interval may begin at its lower bound.
 FARTHEST_LOG_WORK = math.log(1e9)
 
 
 def add_profile_intervals(estimate: Estimate) -> Estimate:
     """Return the estimate with profile-likelihood intervals if one of its intervals is wide.
 
-    With adhesion only the wide intervals are profiles: a refit hardly raises a work that is next to
-    nothing, since its logarithm has no effect there.
+    With adhesion a profile is computed for the wide intervals only. At a very small work of
+    adhesion its logarithm has no effect on the force, and a refit would hardly change it.
     """
     keys = range(estimate.model.coordinate_count)
     wide_keys = [k for k in keys if NORMAL_95 * float(estimate.sd[k]) > WIDE_HALF_WIDTH]
@@ -69,7 +69,8 @@ def _profile_end(estimate: Estimate, k: int, side: float, critical_rise: float) 
     previous_rise = 0.0
     # Iterations of a fit that begins at the solution for the neighbouring value.
     neighbour_iterations = 12
-    # Number of values on each side, and distance of the last one in standard deviations.
+    # Number of fixed values on each side of the estimate, and distance of the last one in standard
+    # deviations.
     value_count = 7
     last_distance = 3.0
     parameter = model.forward_model.parameters[k]
@@ -78,8 +79,8 @@ def _profile_end(estimate: Estimate, k: int, side: float, critical_rise: float) 
         farthest = min(farthest, FARTHEST_LOG_DISTANCE)
     distances = farthest * np.linspace(0.0, 1.0, value_count + 1)[1:]
     if parameter.role == "work" and farthest < FARTHEST_LOG_WORK:
-        # A curve without adhesion tells an upper limit of the work only, far above a fitted value
-        # that is next to nothing.
+        # A curve without adhesion gives only an upper limit of the work, far above the very small
+        # fitted value.
         distances = np.append(distances, np.geomspace(farthest, FARTHEST_LOG_WORK, 8)[1:])
     for distance in distances:
         value = min(max(start + side * distance, low), high)

@@ -1,4 +1,4 @@
-"""Reader of AFM files: those of JPK, and those of other makers by the optional package afmformats.
+"""Reader of AFM files of JPK, and by the optional package afmformats of other makers.
 
 The other makers are Asylum and AFM workshop.
 """
@@ -130,7 +130,7 @@ def _segment_rows(data: Any) -> dict[str, np.ndarray]:
         "force-distance": {0: "approach", 1: "retract"},
         "creep-compliance": {0: "approach", 1: "hold", 2: "retract"},
     }
-    # Segment 0 of a stress relaxation is a pause before.
+    # Segment 0 of a stress relaxation measurement is a pause before the approach.
     relaxation_segments = {1: "approach", 2: "hold", 3: "retract"}
     segment_names = known_segments.get(data.modality, relaxation_segments)
     rows_by_part = {word: segment == number for number, word in segment_names.items()}

@@ -22,7 +22,7 @@ ROLES = {
     "t": "t",
     "segment": "part",
 }
-# Kinds of units that a column of a role may have; "" is no unit.
+# Kinds of units that a column with this role may have; "" stands for no unit.
 KINDS = {
     "delta": ("length", ""),
     "z": ("length", ""),
@@ -34,7 +34,7 @@ KINDS = {
 }
 ABSCISSAS = ("delta", "z", "separation")
 COLUMNS_HINT = (
-    "say which they are with --columns, such as --columns depth=1,force=2, or "
+    "name the columns with --columns, as in --columns depth=1,force=2, or "
     "--columns z=1,deflection=2 with --sensitivity '50 nm/V' if the deflection is in volts"
 )
 
@@ -60,7 +60,7 @@ class ColumnRoles:
     notes
         Sentences about assumptions.
     is_abscissa_guessed
-        Whether nothing says that the abscissa is a depth.
+        True if neither titles nor options say that the abscissa is a depth.
     """
 
     approach: Mapping[str, Column]
@@ -77,7 +77,7 @@ def find_roles(layout: TextLayout, requested: Sequence[str] | None, file: str) -
     layout
         Layout of the table.
     requested
-        Words of --columns: ROLE=COLUMN, or the columns of depth, force and time.
+        Values of --columns: ROLE=COLUMN, or the columns of depth, force and time.
     file
         Name of the file, for messages.
 
@@ -106,7 +106,7 @@ def find_roles(layout: TextLayout, requested: Sequence[str] | None, file: str) -
 
 
 def check_requested(words: Sequence[str]) -> None:
-    """Raise ConfigError if words of --columns are neither ROLE=COLUMN nor two or three columns."""
+    """Raise ConfigError if values of --columns are neither ROLE=COLUMN nor two or three columns."""
     if not words:
         return
     with_roles = [word for word in words if word.partition("=")[1]]
@@ -115,7 +115,9 @@ def check_requested(words: Sequence[str]) -> None:
             "--columns", f"has {len(words)} columns", "give DEPTH,FORCE or DEPTH,FORCE,TIME"
         )
     if with_roles and len(with_roles) < len(words):
-        raise ConfigError("--columns", "only some columns have roles", "write z=1,force=2")
+        raise ConfigError(
+            "--columns", "only some of the columns have the form ROLE=COLUMN", "write z=1,force=2"
+        )
     for word in with_roles:
         role = word.partition("=")[0].strip().lower()
         if role not in ROLES:
@@ -125,7 +127,7 @@ def check_requested(words: Sequence[str]) -> None:
 
 
 def _requested_roles(layout: TextLayout, requested: Sequence[str], file: str) -> ColumnRoles:
-    """Return the roles that the user has given."""
+    """Return the roles that the user has given by --columns."""
     check_requested(requested)
     roles: dict[str, Column] = {}
     notes = []
@@ -150,7 +152,7 @@ def _requested_roles(layout: TextLayout, requested: Sequence[str], file: str) ->
         if title.kind and title.kind not in KINDS[role] and not _is_force(role, title):
             raise ConfigError(
                 "--columns",
-                f"column '{title.text}' is in {title.unit}, which is no unit of {name}",
+                f"column '{title.text}' is in {title.unit}, which is not a unit of {name}",
                 "choose another column or role",
                 file,
             )
@@ -177,7 +179,7 @@ def _is_force(role: str, title: ColumnTitle) -> bool:
 
 
 def _abscissa_of_name(title: ColumnTitle) -> str:
-    """Return z or separation if the name of a title says so, else delta."""
+    """Return the role z or separation if the title names one of them, else delta."""
     return next((role for role in ("z", "separation") if title.name in ROLE_NAMES[role]), "delta")
 
 
@@ -215,7 +217,7 @@ def _roles_without_titles(layout: TextLayout) -> ColumnRoles:
 def _roles_by_name(layout: TextLayout, part: str) -> dict[str, Column]:
     """Return the columns of a part, or of all parts, by the names in their titles."""
     roles: dict[str, Column] = {}
-    # Columns of this part have precedence over those of all parts.
+    # Columns of this part of the curve take precedence over columns of all parts.
     for own_part in dict.fromkeys((part, "")):
         for role, names in ROLE_NAMES.items():
             places = [

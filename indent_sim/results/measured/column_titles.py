@@ -9,14 +9,15 @@ from indent_sim.config.quantities import si_factor
 from indent_sim.process.errors import ConfigError
 from indent_sim.results.measured.measurement import PART_WORDS
 
-# Units of a signal of a detector, with their value in V or A.
+# Units of the signal of a deflection detector, with their value in V or A.
 SIGNAL_UNITS = {
     "voltage": {"V": 1.0, "mV": 1e-3, "uV": 1e-6, "µV": 1e-6, "v": 1.0},
     "current": {"A": 1.0, "mA": 1e-3, "uA": 1e-6, "µA": 1e-6, "nA": 1e-9, "pA": 1e-12},
 }
-# Units in another case than their standard one, as far as they are unique.
+# Units written in the wrong case, as far as they are unambiguous.
 UNIT_SPELLINGS = {"S": "s", "UM": "um", "NM": "nm", "MM": "mm", "UN": "uN", "NN": "nN", "PN": "pN"}
-# Names of the quantities of a curve, by their role; of several columns the first name is taken.
+# Names of the quantities of a curve, by role. If several columns have such names, the earlier name
+# in this list takes precedence.
 ROLE_NAMES = {
     "delta": (
         *("delta", "δ", "indentation", "depth", "indentation depth", "penetration"),
@@ -47,11 +48,11 @@ ROLE_NAMES = {
         *("direction", "segment number"),
     ),
 }
-# These decrease while the tip moves inwards.
+# These quantities decrease while the tip moves towards the body.
 OUTWARD_NAMES = ("height", "head height", "tip position", "straingauge", "smoothed", "measured")
-# Signals in V whose titles do not say so.
+# Names of signals in V whose titles have no unit.
 VOLTAGE_NAMES = ("deflv", "t-b", "a-b")
-# Texts in a line of units for columns without a unit.
+# Entries in a line of units that stand for a column without a unit.
 NO_UNITS = ("", "-", "--", "1", "#", "none", "a.u.", "au", "arb", "arb.", "%", "°", "deg", "hz")
 PART_TOKEN = re.compile(
     r"(?<![^\W\d_])(ex|rt|extend|extension|retract|retraction|approach|withdraw|forward|backward"
@@ -60,10 +61,6 @@ PART_TOKEN = re.compile(
 )
 BRACKETS = re.compile(r"[\[(]\s*([^\[\]()]*?)\s*[\])]")
 UNIT_AT_END = re.compile(r"^(?P<name>.+?)\s*(?:[ _,/]|\bin\b)\s*(?P<unit>[^\W\d_]{1,3})$")
-# A unit of this length or longer is the remark of a title, such as (measured).
-MIN_REMARK_LENGTH = 4
-# A longer title is cut.
-MAX_TITLE_LENGTH = 200
 
 
 @dataclass(frozen=True)
@@ -96,9 +93,13 @@ class ColumnTitle:
 
 def parse_title(text: str) -> ColumnTitle:
     """Return the name, the unit and the part of a title such as Force [nN] or Defl_pN_Ex."""
-    text = text.strip()[:MAX_TITLE_LENGTH]
+    # Longer titles are cut.
+    max_title_length = 200
+    text = text.strip()[:max_title_length]
     name = text.strip("\"'").strip()
     unit = kind = unknown_unit = ""
+    # A text in brackets of this length or longer is a remark, such as (measured), and not a unit.
+    min_remark_length = 4
     for match in BRACKETS.finditer(name):
         word = match[1]
         found = unit_and_kind(word)
@@ -107,16 +108,16 @@ def parse_title(text: str) -> ColumnTitle:
             name = f"{name[: match.start()]} {name[match.end() :]}"
             unknown_unit = ""
             break
-        if word and (len(word) < MIN_REMARK_LENGTH or "/" in word):
+        if word and (len(word) < min_remark_length or "/" in word):
             unknown_unit = word
     part = ""
-    # A title that is only the word of a part names no quantity.
+    # A title that only names a part of the curve does not name a quantity.
     if (token := PART_TOKEN.search(name)) and name.strip(" _").lower() != token[0].lower():
         part = PART_WORDS[token[0].lower()]
         name = f"{name[: token.start()]} {name[token.end() :]}".strip(" _-,")
         name = re.sub(r"[ _]{2,}", "_", name)
     last = UNIT_AT_END.match(name)
-    # The word `in` at the end is no unit.
+    # The word `in` at the end of a title is not the unit inch.
     if not kind and last and last["unit"] != "in" and unit_and_kind(last["unit"])[1]:
         unit, kind = unit_and_kind(last["unit"])
         name = last["name"]
@@ -128,7 +129,7 @@ def parse_title(text: str) -> ColumnTitle:
 
 
 def unit_and_kind(text: str) -> tuple[str, str]:
-    """Return a unit as it is spelled in scenes and its kind; two empty texts if it is none."""
+    """Return a unit as it is spelled in scenes, and its kind; two empty texts if unknown."""
     word = text.strip().replace("\N{GREEK SMALL LETTER MU}", "µ")
     word = UNIT_SPELLINGS.get(word, word)
     for kind in ("length", "force", "time"):

@@ -14,7 +14,7 @@ from indent_sim.results.measured.measurement import SI, MeasuredCurve
 from indent_sim.results.measured.text_curve import read_text_curves
 
 TAB_METADATA = re.compile(rb"# BEGIN METADATA\s.*?# END METADATA", re.DOTALL)
-# Titles of a .tab file that have the first row of numbers behind them, as afmformats writes them.
+# Line of a .tab file with titles and the first row of numbers behind them, as afmformats writes it.
 GLUED_TITLES = re.compile(rb"(# END METADATA\s+#\s+# (?:[^\t\r\n]*\t)*?[a-z() ]*[a-z)])(?=-?\d)")
 
 MAX_METADATA_BYTES = 100_000
@@ -54,7 +54,7 @@ def read_curves(
 ) -> Sequence[MeasuredCurve]:
     """Read the measured curves of a file, in the units that it gives.
 
-    Those of a map are read one by one, when they are asked for.
+    The curves of a map are read one by one, when they are requested.
 
     Parameters
     ----------

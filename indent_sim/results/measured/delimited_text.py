@@ -18,11 +18,11 @@ from indent_sim.results.measured.text_layout import (
     is_comment,
 )
 
-# Digits in groups of three between blanks of a typesetter or apostrophes.
+# Digits in groups of three that are separated by narrow or non-breaking spaces or apostrophes.
 GROUPED_DIGITS = re.compile("(?<=\\d)[\u00a0\u2009\u202f'\u2019](?=\\d{3}(?!\\d))")
 SEGMENT_COMMENT = re.compile(r"^[#%]+\s*segment\w*\s*[:=]\s*\"?(?P<word>[^\W\d]\w*)", re.IGNORECASE)
 SEGMENT_COMMENTS = re.compile(SEGMENT_COMMENT.pattern, re.IGNORECASE | re.MULTILINE)
-# A table has at most so many lines without numbers below its titles.
+# Largest number of lines without numbers below the titles of a table.
 MAX_MARKS = 20_000
 
 
@@ -33,7 +33,7 @@ class TextRows:
     Attributes
     ----------
     numbers
-        Numbers (rows, columns) of the columns that were asked for; NaN for an empty cell.
+        Numbers (rows, columns) of the requested columns; NaN for an empty cell.
     words
         Words (rows,) of one column, or None.
     marks
@@ -80,7 +80,7 @@ def _normalize_text(text: str) -> str:
     """Return the text with newlines as line ends, ASCII minus signs, and whole numbers."""
     text = text.replace("\r\n", "\n").replace("\r", "\n") if "\r" in text else text
     text = text.replace("\N{MINUS SIGN}", "-")
-    # Two bytes of UTF-8, read as Latin-1.
+    # A minus sign or a space of UTF-8 that was decoded as Latin-1.
     text = text.replace("\u00c2\u00b5", "\u00b5") if "\u00c2\u00b5" in text else text
     if any(mark in text for mark in "\u00a0\u2009\u202f'\u2019"):
         return GROUPED_DIGITS.sub("", text)
@@ -93,7 +93,7 @@ def _line_blocks(text: str, layout: TextLayout) -> Iterator[tuple[int, str]]:
     number = layout.first_row + 1
     for _ in range(layout.first_row):
         begin = text.index("\n", begin) + 1
-    # So many characters are parsed at once: as lists of cells they take some hundred
+    # Number of characters that are parsed at once; as lists of cells they take some hundred
     # megabytes.
     block_characters = 1_000_000
     while begin < len(text):
@@ -127,7 +127,7 @@ class _RowReader:
         return rows
 
     def lines(self, number: int, block: str) -> Iterator[tuple[int, Cells | None, str]]:
-        """Yield number, cells and text of the lines that are no blanks; no cells for a mark."""
+        """Yield number, cells and text of the lines that are not blank; a mark has no cells."""
         for line_number, line in enumerate(block.split("\n"), start=number):
             if not line.strip():
                 continue
@@ -141,7 +141,7 @@ class _RowReader:
             yield line_number, None if self._is_mark(cells) else cells, line
 
     def _parse_plain(self, block: str) -> np.ndarray | None:
-        """Return the numbers of a block that has nothing but numbers and comments, else None."""
+        """Return the numbers of a block of numbers and comments only; None for any other block."""
         layout = self.layout
         rows = block.replace(",", ".") if layout.decimal == "," else block
         comments = ["#", "%"] if "%" in block else "#"
@@ -181,11 +181,11 @@ class _RowReader:
         return np.array(rows, dtype=float).reshape(-1, len(self.columns))
 
     def _is_mark(self, cells: Cells) -> bool:
-        """Return whether the cells of a line are no row of the table but words between rows."""
+        """Return whether a line is a line of words between rows, and not a row of the table."""
         filled = [cell for cell in cells if cell]
         numbers = sum(map(self.layout.is_number, filled))
         if self.is_repeated:
-            # The header of the next table has any numbers.
+            # In the header of a further table the number of cells is arbitrary.
             needed = [cells[i] if i < len(cells) else "" for i in self.columns]
             return len(cells) != self.layout.width or not all(
                 self.layout.is_number(cell) or not cell for cell in needed

@@ -26,9 +26,7 @@ SENSITIVITY = re.compile(
 )
 # Keys of formats whose spring constants are in N/m: JPK, NanoScope, Igor, and .tab files.
 KEYS_IN_SI = ("springConstant", r"\Spring Constant", "SpringConstant", '"spring constant"')
-# A sensitivity without a unit is in m/V if it is smaller: no detector has 0.1 mm/V.
-LARGEST_SENSITIVITY = 1e-4
-# A longer line is no entry of a header.
+# A longer line is not an entry of a header.
 MAX_LINE_LENGTH = 400
 
 
@@ -45,7 +43,7 @@ class Calibration:
     signal
         Kind of the signal of the sensitivity: voltage or current.
     stiffness_source, sensitivity_source
-        Where the numbers are from: scene, header, or --sensitivity.
+        Origin of the numbers: scene, header, or --sensitivity.
     notes
         Sentences about assumptions.
     """
@@ -57,10 +55,10 @@ class Calibration:
     sensitivity_source: str = "header"
     notes: tuple[str, ...] = ()
 
-    def with_given(self, stiffness: float | None, sensitivity: str | None) -> Calibration:
+    def replace_given(self, stiffness: float | None, sensitivity: str | None) -> Calibration:
         """Return the calibration with the stiffness [N/m] and the sensitivity of the user.
 
-        Raises ConfigError if the text of the sensitivity is none.
+        Raises ConfigError if the text is not a sensitivity.
         """
         given = self
         if sensitivity is not None:
@@ -71,7 +69,8 @@ class Calibration:
         if stiffness is None:
             return given
         notes = self.notes
-        # Calibrations of one cantilever are given with two or three digits.
+        # Spring constants are rounded to two or three digits; a larger relative difference is
+        # reported.
         rounding = 0.02
         if self.stiffness and abs(self.stiffness / stiffness - 1) > rounding:
             notes = (
@@ -104,7 +103,7 @@ def read_calibration(lines: Sequence[str]) -> Calibration:
 def parse_sensitivity(text: str) -> tuple[float, str]:
     """Return a sensitivity such as 50 nm/V in m/V or m/A, and the kind of its signal.
 
-    Raises ConfigError if the text is none.
+    Raises ConfigError if the text is not a sensitivity.
     """
     match = re.fullmatch(rf"\s*(?P<value>{NUMBER})\s*(?P<unit>{RATIO})\s*", text)
     factor = _sensitivity_factor(match["unit"]) if match else None
@@ -137,7 +136,10 @@ def _sensitivity(match: re.Match[str]) -> tuple[float, str] | None:
     if unit:
         factor = _sensitivity_factor(unit)
         return (value * factor[0], factor[1]) if factor else None
-    return (value, "voltage") if value < LARGEST_SENSITIVITY else None
+    # A sensitivity without a unit is in m/V if it is smaller than this, since no detector has 0.1
+    # mm/V.
+    largest_sensitivity = 1e-4
+    return (value, "voltage") if value < largest_sensitivity else None
 
 
 def _sensitivity_factor(unit: str) -> tuple[float, str] | None:

@@ -8,12 +8,13 @@ import numpy as np
 
 from indent_sim.process.errors import UsageError
 
-# A curve with fewer rows is too short for an estimate of its noise, which then counts as zero.
+# Smallest number of rows from which the noise is estimated; the noise of a shorter curve counts as
+# zero.
 MIN_ROWS_OF_NOISE = 30
-# A force or depth below this multiple of its noise is not a measurement.
+# The largest force and depth must exceed this multiple of their noise.
 MIN_SIGNAL_TO_NOISE = 10.0
-# The works of a curve that does not return to zero force are completed by the power law, unless its
-# last force exceeds this fraction of the largest.
+# If a curve does not return to zero force, its works are completed by the power law, provided that
+# its last force is at most this fraction of the largest.
 MAX_LAST_FORCE = 0.25
 
 
@@ -82,7 +83,8 @@ class IndentationCycle:
     @property
     def total_work(self) -> Work | None:
         """Work of loading and hold; None if the curve begins with unloading or under load."""
-        # The work before a smaller force is a negligible part of the whole.
+        # If the first force is below this fraction of the largest, the work before it is
+        # negligible.
         largest_first_force = 0.05
         if self.start == 0 or self.F[0] > largest_first_force * self.F_max:
             return None
@@ -109,7 +111,7 @@ class IndentationCycle:
         """Depth at which the force of unloading vanishes [length]; None if it does not."""
         if self._end_of_contact < self.end:
             return self._zero_crossing
-        # A force below this fraction of the largest counts as zero.
+        # A force below this fraction of the largest one counts as zero.
         vanishing_force = 1e-3
         is_zero = self.last_force <= vanishing_force * self.F_max
         return float(self.h[self.end - 1]) if is_zero else None
@@ -175,7 +177,7 @@ def indentation_cycle(h: np.ndarray, F: np.ndarray, is_measured: bool = True) ->
             "left out",
         )
     cycle = IndentationCycle(h, F, start, end, hold_start, F_noise, h_noise, notes)
-    # A curve whose force does not fall below this fraction of the largest has no unloading.
+    # If the force does not fall below this fraction of the largest one, the curve has no unloading.
     unloaded_fraction = 0.9
     lowest = float(F[start:end].min()) / cycle.F_max
     if lowest > unloaded_fraction:
@@ -235,7 +237,7 @@ def _hold(F: np.ndarray, peak: int, noise: float) -> tuple[int | None, int]:
     Without a hold the second number is the row of the largest force.
     """
     largest = float(F[peak])
-    # Rows around the largest force that belong to the hold and to the ends of the ramps.
+    # Forces this close to the largest one belong to the hold or to the ends of the ramps.
     near = max(0.01 * largest, 6 * noise)
     distance = largest - F
     below = np.flatnonzero(distance > near)
@@ -245,11 +247,13 @@ def _hold(F: np.ndarray, peak: int, noise: float) -> tuple[int | None, int]:
     level = float(np.median(F[rows]))
     scatter = max(3 * noise, 1e-3 * largest)
     held = rows[np.abs(F[rows] - level) <= scatter]
-    # The ends of two ramps at a constant rate have a fraction 2 scatter/largest of all rows.
+    # In a curve without a hold, two ramps at a constant rate have a fraction of about 2
+    # scatter/largest of all rows near the largest force; a hold must have more.
     min_rows = max(10.0, (0.04 + 2 * scatter / largest) * len(F))
     if len(held) < min_rows:
         return None, peak
-    # Rows above the median are as frequent as below it until the last row of the hold.
+    # In a hold the forces scatter around the median. The last row above the median ends it, since
+    # later ones belong to unloading.
     return int(held[0]), int(held[F[held] >= level][-1])
 
 
@@ -257,7 +261,7 @@ def _end_of_unloading(F: np.ndarray, start: int, noise: float) -> int:
     """Return the row after the smallest force before the force rises again."""
     unloading = F[start:]
     lowest = np.minimum.accumulate(unloading)
-    # The force rises again if it exceeds the smallest one so far by this much.
+    # The force rises again if it exceeds the smallest force so far by this much.
     rise = max(0.05 * float(F[start]), 6 * noise)
     again = np.flatnonzero(unloading > lowest + rise)
     stop = int(again[0]) if len(again) else len(unloading)
@@ -278,7 +282,8 @@ def _refuse_relaxation(cycle: IndentationCycle) -> None:
     tolerance = 4 * cycle.h_noise + 1e-4 * cycle.h_max
     last = int(np.flatnonzero(h >= h[0] - tolerance)[-1])
     fall = float(F[0] - F[last])
-    # This part of the force may be lost, beyond what unloading over the tolerance takes.
+    # Fraction of the force that may be lost, in addition to the decrease by unloading within the
+    # tolerance of the depth.
     accepted_fall = 0.02
     if fall > accepted_fall * cycle.F_max + 3 * tolerance * slope + 6 * cycle.F_noise:
         raise UsageError(

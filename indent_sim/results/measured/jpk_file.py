@@ -23,7 +23,8 @@ from indent_sim.results.measured.measurement import (
 )
 
 SUFFIXES = (".jpk-force", ".jpk-force-map", ".jpk-qi-data", ".jpk-qi-series")
-# Channels of the measured height, the newest first; the others are what the piezo was told.
+# Channels of the measured height, the newest first. Other channels of heights contain the set value
+# of the piezo.
 MEASURED_HEIGHTS = ("measuredHeight", "capacitiveSensorHeight", "strainGaugeHeight")
 PIEZO_HEIGHTS = ("height", "head-height")
 DEFLECTION = "vDeflection"
@@ -37,14 +38,15 @@ ENCODINGS = {
 HEADER = "header.properties"
 SHARED_DATA = "shared-data/header.properties"
 FIRST_SEGMENT = re.compile(r"(?:index/(\d{1,9})/)?segments/0/segment-header\.properties", re.ASCII)
-# Larger files of properties, longer curves, and more of the others are not believed.
+# Limits of the size of files of properties, of the points of a curve, and of other counts; a file
+# beyond them counts as damaged.
 MAX_PROPERTY_BYTES = 2_000_000
 MAX_HEADER_BYTES = 10_000_000
 MAX_POINTS = 10_000_000
 MAX_SEGMENTS = 1000
 MAX_PLACES = 10_000_000
 MAX_CONVERSIONS = 20
-# What zipfile raises for archives that are damaged, encrypted or made to do harm.
+# Exceptions of zipfile for archives that are damaged, encrypted or malicious.
 ARCHIVE_ERRORS = (
     zipfile.BadZipFile,
     zlib.error,
@@ -92,7 +94,7 @@ class _Segment:
 
 
 class JpkFile:
-    """Curves of a JPK file, each of which is read when it is asked for.
+    """Curves of a JPK file, each of which is read when it is requested.
 
     Parameters
     ----------
@@ -113,7 +115,7 @@ class JpkFile:
         try:
             self._archive = zipfile.ZipFile(path)
         except ARCHIVE_ERRORS as error:
-            raise self._no_curve(f"no zip archive, as JPK files are ({error})") from None
+            raise self._no_curve(f"not a zip archive, as JPK files are ({error})") from None
         matches = [found for name in self._archive.namelist() if (found := _first_segment(name))]
         self.numbers = sorted(int(found[1]) for found in matches if found[1])
         if not matches:
@@ -126,7 +128,7 @@ class JpkFile:
                 self._shared.setdefault(f"{kind}.{number}", {})[name] = value
 
     def __reduce__(self) -> tuple[type[JpkFile], tuple[Path, float | None]]:
-        """Pickle the path: a process that gets the map opens the file itself."""
+        """Pickle the path only: a process that receives the map opens the file itself."""
         return JpkFile, (self.path, self._given_stiffness)
 
     def __len__(self) -> int:
@@ -143,13 +145,13 @@ class JpkFile:
         NoCurve
             If the curve is damaged or has no approach; the message gives the reason.
         Uncalibrated
-            If it has no force.
+            If the curve has no force.
         """
         segments = list(self._segments(f"index/{self.numbers[index]}/" if self.numbers else ""))
         styles = [segment.part for segment in segments]
         if "approach" not in styles:
             raise self._no_curve(f"no segment is an approach, only {', '.join(styles) or 'none'}")
-        # A pause before the approach is not a part of the curve, but it takes time.
+        # A pause before the approach is not a part of the curve, but its duration counts.
         first = styles.index("approach")
         begin = sum(segment.duration for segment in segments[:first])
         segments = [segment for segment in segments[first:] if segment.points]
@@ -168,7 +170,7 @@ class JpkFile:
             begin = end
             rows = slice(row, row + segment.points)
             row = rows.stop
-            # A pause after the retraction is no hold.
+            # A pause after the retraction is not a hold.
             if segment.part == "hold" and "retract" in parts:
                 continue
             earlier = parts.setdefault(segment.part, rows)
@@ -258,7 +260,7 @@ class JpkFile:
         raise self._no_curve(f"more than {MAX_SEGMENTS} segments")
 
     def _resolved(self, own: Properties, head: str, kind: str) -> dict[str, str]:
-        """Return the properties below `head`, with those of the shared data that it refers to."""
+        """Return the properties below `head`, and those of the shared data to which it refers."""
         names = {
             key[len(head) + 1 :]: value for key, value in own.items() if key.startswith(f"{head}.")
         }
@@ -310,7 +312,7 @@ class JpkFile:
             scalings.insert(0, f"conversion-set.conversion.{slot}.scaling.")
             slot = channel.get(f"conversion-set.conversion.{slot}.base-calibration-slot", base)
             if len(scalings) > MAX_CONVERSIONS:
-                raise self._no_curve(f"the conversions of {name} go round in a circle")
+                raise self._no_curve(f"the conversions of {name} refer to each other in a circle")
         scalings.insert(0, f"{encoder}scaling.")
         last_unit = channel.get(f"{scalings[-1]}unit.unit", channel.get(f"{scalings[-1]}unit", ""))
         if last_unit != unit:
@@ -327,19 +329,19 @@ class JpkFile:
             offset = _finite(channel.get(f"{scaling}offset", ""))
             if factor is None or offset is None:
                 raise self._no_curve(f"{name} has no linear {scaling.rstrip('.')}")
-            # Rows that are not finite are counted by the caller.
+            # The caller counts the rows that are not finite.
             with np.errstate(all="ignore"):
                 values *= factor
                 values += offset
         return values
 
     def _read(self, name: str, max_bytes: int) -> bytes:
-        """Return the content of a member of the archive, which has at most so many bytes."""
+        """Return the content of a member of the archive of at most `max_bytes` bytes."""
         try:
             member = self._archive.getinfo(name)
             if member.file_size > max_bytes:
                 raise self._no_curve(f"{name} has {member.file_size} bytes, not {max_bytes}")
-            # Only these are unpacked within a given size.
+            # Only these methods can be unpacked with a limit of the size.
             if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
                 raise self._no_curve(f"{name} is compressed by an unknown method")
             with self._archive.open(member) as file:
@@ -359,12 +361,12 @@ def _first_segment(name: str) -> re.Match[str] | None:
 
 
 def _count(text: str) -> int | None:
-    """Return the number of at most nine digits that a text is, None if it is none."""
+    """Return the number in a text of at most nine digits; None for any other text."""
     return int(text) if re.fullmatch(r"\d{1,9}", text, re.ASCII) else None
 
 
 def _finite(text: str) -> float | None:
-    """Return the number in a text, None if there is no finite one."""
+    """Return the number in a text; None if the text is not a finite number."""
     try:
         value = float(text)
     except ValueError:

@@ -1,4 +1,4 @@
-"""Map of measured curves on a grid of places, each of which is read when it is asked for."""
+"""Map of measured curves on a grid of places, each of which is read when it is requested."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ class MeasuredMap(Sequence[MeasuredCurve]):
     shape
         Number of rows and columns of the grid. The first row is the one that is scanned first.
     size
-        Lengths [length] of the scanned area along a column and along a row, so that places are
-        size[0] / shape[0] and size[1] / shape[1] apart; None if unknown.
+        Lengths [length] of the scanned area along a column and along a row; None if unknown.
+        Neighbouring places are size[0] / shape[0] and size[1] / shape[1] apart.
     places
         Row and column of every curve (n, 2), from 0; a place may have no curve.
     read_curve
-        Function that reads the curve of an index; it raises NoCurve for one that is damaged.
+        Function that reads the curve with an index; it raises NoCurve if the curve is damaged.
     height
         Measured height of the surface (rows, columns) [length], or None.
     stiffness
@@ -56,10 +56,10 @@ class MeasuredMap(Sequence[MeasuredCurve]):
         return self.read_curve(range(len(self))[index])
 
     def curve(self, index: int) -> MeasuredCurve:
-        """Return the curve of an index; raise NoCurve if it is damaged."""
+        """Return the curve with an index; raise NoCurve if it is damaged."""
         return self[index]
 
-    def with_rows(self, first: int, end: int) -> MeasuredMap:
+    def select_rows(self, first: int, end: int) -> MeasuredMap:
         """Return the map with the curves of the rows `first` to `end - 1` only."""
         rows = self.places[:, 0]
         indices = np.flatnonzero((first <= rows) & (rows < end))

@@ -17,7 +17,7 @@ CurvePart = Literal["approach", "hold", "retract", "both", "all"]
 Abscissa = Literal["delta", "z"]
 DIMENSIONS = {"delta": "length", "z": "length", "force": "force", "t": "time"}
 SI = {"length": "m", "force": "N", "time": "s"}
-# Part of a curve by the words for it in files.
+# Parts of a curve, by the words for them in files.
 APPROACH_WORDS = (
     *("approach", "appr", "extend", "extension", "ex", "loading", "load", "trace"),
     *("forward", "fwd", "compress", "compression"),
@@ -78,8 +78,8 @@ class MeasuredCurve:
     notes
         Sentences about assumptions of the reader.
     is_abscissa_guessed
-        Whether nothing in the file says that `delta` is a depth: behind the spring of a scene it is
-        the displacement of the base.
+        True if nothing in the file says that `delta` is a depth. If the scene has a spring, it is
+        then taken as the displacement of the base.
     """
 
     name: str
@@ -105,8 +105,8 @@ class MeasuredCurve:
         """Return the values of an abscissa, "delta" or "z" (n,) [length]."""
         return cast(np.ndarray, getattr(self, along))
 
-    def with_displacement(self) -> MeasuredCurve:
-        """Return the curve with its guessed depth as the displacement of the base."""
+    def reinterpret_depth(self) -> MeasuredCurve:
+        """Return the curve with its guessed depth reinterpreted as the displacement of the base."""
         as_separation = SEPARATION_NOTE.partition(":")[2]
         as_height = as_separation.replace("separation", "height of the base")
         notes = tuple(note.replace(as_separation, as_height) for note in self.notes)
@@ -115,8 +115,8 @@ class MeasuredCurve:
     def part(self, name: CurvePart) -> MeasuredCurve:
         """Return the rows of one part; a hold includes the preceding approach.
 
-        Both are approach and retraction without a hold between them, and stay the parts of the
-        result. Raises NoCurve if the curve has no such part.
+        The part "both" is approach and retraction without a hold between them, which are then the
+        parts of the returned curve. Raises NoCurve if the curve has no such part.
         """
         if name == "all":
             return self
@@ -189,8 +189,8 @@ def _unit_ratio(kind: str, curve_unit: str, wanted_unit: str) -> float:
 def curve_parts(x: np.ndarray, is_timed: bool = False) -> dict[str, slice]:
     """Return the rows of approach, hold and retract of a path of depths.
 
-    A path that only goes out is an approach in reverse order, as in files sorted by z, unless the
-    rows are in the order of time.
+    A path on which the depth only decreases is an approach in reverse order, as in files sorted by
+    z, unless the rows are in the order of time.
 
     Parameters
     ----------
@@ -205,18 +205,19 @@ def curve_parts(x: np.ndarray, is_timed: bool = False) -> dict[str, slice]:
         return {"approach": slice(0, n)}
     deepest = int(np.argmax(x))
     top = float(x.max())
-    # A path that goes back by less than this fraction has no retraction.
+    # If the path goes back by less than this fraction of its range, it has no retraction.
     min_retraction = 0.1
-    if top - x[0] < min_retraction * span:  # The path begins at the largest depth and goes out.
+    # The path begins at the largest depth, which then decreases.
+    if top - x[0] < min_retraction * span:
         far = int(np.argmin(x))
         if not _is_path(x):
             return {"approach": slice(0, n)}
         if float(x[far:].max() - x[far]) > min_retraction * span:
             return {"retract": slice(0, far), "approach": slice(far, n)}
         return {"retract" if is_timed else "approach": slice(0, n)}
-    # Rows within this fraction of the range of depths from the deepest one may be a hold. A path at
-    # a constant rate in and out has 2 % of its rows there; five times as many, and at least ten,
-    # are a hold.
+    # Rows whose depth is within this fraction of the range from the largest depth may be a hold. A
+    # path at a constant rate in and out has 2 % of its rows there; five times as many rows, and at
+    # least ten, are a hold.
     plateau_width = 0.01
     min_hold_fraction = 0.1
     min_hold_rows = 10
@@ -236,8 +237,9 @@ def curve_parts(x: np.ndarray, is_timed: bool = False) -> dict[str, slice]:
 
 
 def _is_path(x: np.ndarray) -> bool:
-    """Return whether depths (n,) go a way, and are not noise around one depth."""
-    # Means of so many blocks of a way span most of it, and those of noise a part of it.
+    """Return whether depths (n,) change systematically, and are not noise around one depth."""
+    # The means of this many blocks span most of the range of a path, but only a part of the range
+    # of noise.
     block_count = 20
     min_span = 0.6
     means = [float(block.mean()) for block in np.array_split(x, block_count) if len(block)]
@@ -273,7 +275,9 @@ def curve_parts_by_name(names: np.ndarray) -> dict[str, slice]:
             by_number.get(str(names[begin])) if len(distinct_names) <= 2 else None
         )
         if part is None:
-            raise NoCurve(f"'{word}' is not a part of a curve: approach, hold, retract")
+            raise NoCurve(
+                f"'{word}' is not a part of a curve; the parts are approach, hold, retract"
+            )
         if part not in parts:
             parts[part] = slice(begin, end)
         elif parts[part].stop == begin:

@@ -18,7 +18,7 @@ from indent_sim.results.measured.measurement import (
 )
 from indent_sim.results.measured.peakforce_file import read_peakforce_file
 
-# NanoScope files have these or any other suffixes, such as .000.
+# Usual suffixes of NanoScope files, which may also have others, such as .000.
 SUFFIXES = (".spm", ".pfc")
 BEGINNINGS = (b"\\*File list", b"\\*Force file list")
 END = re.compile(rb"\\\*(?:Force f|F)ile list end")
@@ -30,23 +30,20 @@ SCAN, FORCE, FORCE_IMAGE, IMAGE = (
 )
 MAX_HEADER_BYTES = 4_000_000
 NUMBER = r"[-+]?\d+\.?\d*(?:[eE][-+]?\d+)?"
-# Such as V [Sens. DeflSens] (0.0003750000 V/LSB) 1.200000 V.
+# Value of a quantity in the header, such as V [Sens. DeflSens] (0.0003750000 V/LSB) 1.200000 V.
 QUANTITY = re.compile(
     rf"V\s*(?:\[(?P<sensitivity>[^\]]*)\])?\s*(?:\((?P<step>{NUMBER}) V/LSB\))?"
     rf"\s*(?P<value>{NUMBER})\s*(?P<unit>\S*)\s*"
 )
 LENGTH_UNITS = {"nm": 1e-9, "~m": 1e-6, "um": 1e-6, "µm": 1e-6}
-# Words of 32 bit are in steps of V/LSB, or of a part of it; no line of the header says of which.
+# Stored integers of 32 bits count steps of V/LSB multiplied by one of these factors. The header
+# does not say by which.
 STEP_FACTORS = (1.0, 1 / 256, 1 / 65536)
-# The deflection at the turn is as near to the trigger, relative to it.
-TRIGGER_TOLERANCE = 0.2
-# So many curves of a map are compared with the trigger.
-COMPARED_CURVES = 64
 Section = dict[str, str]
 
 
 def is_nanoscope_file(path: Path) -> bool:
-    """Return whether a file begins as the files of NanoScope do, and is no text exported from one.
+    """Return whether a file is a binary NanoScope file, and not a text exported from one.
 
     Raises OSError if it cannot be read.
     """
@@ -87,11 +84,11 @@ def read_nanoscope_file(path: Path, stiffness: float | None = None) -> Sequence[
 
 
 class NanoscopeFile:
-    """Curves of a NanoScope file, each of which is read when it is asked for.
+    """Curves of a NanoScope file, each of which is read when it is requested.
 
     The entry Deflection Sensitivity Correction of the header is the factor by which the sensitivity
     was multiplied when the spring constant was determined from thermal noise. The spring constant
-    contains it, and deflections and forces do not, as in the exports of NanoScope Analysis.
+    includes this factor. Deflections and forces do not, as in the exports of NanoScope Analysis.
 
     Parameters
     ----------
@@ -126,7 +123,8 @@ class NanoscopeFile:
             raise Uncalibrated(f"lacks {missing}: {STIFFNESS_KEY}", str(path))
         self.stiffness = k
         self._step_factor = self._step_factor_by_trigger(volts)
-        # Deflection [m] of one step of a word, and displacement of the base [m] between two points.
+        # Deflection [m] of one step of a stored integer, and displacement of the base [m] between
+        # two points.
         self._deflection_step = volts * self._step_factor * sensitivity
         ramp = QUANTITY.fullmatch(self._image.get("ramp size", ""))
         if not ramp or not float(ramp["value"]) > 0:
@@ -141,9 +139,10 @@ class NanoscopeFile:
         """
         n = self._points
         stored = self._read_words(self._words, self._offset, index, 2 * n)
-        # The approach is stored from the turn on, the retraction in the order of time.
+        # The approach is stored backwards from the turning point, the retraction in the order of
+        # time.
         words = np.concatenate([stored[:n][::-1], stored[n:]])
-        # Points that were not measured, at both ends, are the lowest number.
+        # Points at both ends that were not measured have the lowest representable number.
         measured = np.flatnonzero(words != np.iinfo(words.dtype).min)
         if not len(measured) or np.ptp(measured) + 1 != len(measured):
             raise self._no_curve(f"points of curve {index} are missing")
@@ -155,8 +154,8 @@ class NanoscopeFile:
             force = k * deflection
             travel = float(np.ptp(z))
             swing = float(np.ptp(deflection))
-        # A deflection can exceed the travel of the base by a snap-in only; beyond this ratio of
-        # their ranges it is wrong.
+        # A deflection can exceed the travel of the base only by a snap-in. If the ratio of their
+        # ranges exceeds this, the deflections are wrong.
         max_deflection_ratio = 1.5
         if not swing <= max_deflection_ratio * travel < np.inf or not np.isfinite(force).all():
             raise self._no_curve("the deflections exceed the travel of the base")
@@ -177,7 +176,7 @@ class NanoscopeFile:
     def measured_map(self) -> MeasuredMap:
         """Return the curves of a force volume as a map, with the image of the height if any.
 
-        Rows are in the order of the file; none is traversed backwards.
+        The rows of the grid are in the order of the file, and none of them is traversed backwards.
         """
         rows, columns = self.shape
         places = grid_places(np.arange(rows * columns), columns, False)
@@ -214,11 +213,13 @@ class NanoscopeFile:
         text = self._image.get("samps/line") or _first(self._sections, FORCE).get("samps/line", "")
         counts = {_count(word) for word in text.split()}
         if len(counts) != 1 or not (points := counts.pop()):
-            raise self._no_curve(f"'{text}' are not equal numbers of points in and out")
+            raise self._no_curve(
+                f"'{text}': approach and retraction must have the same number of points"
+            )
         return points
 
     def _data_words(self, image: Section, count: int) -> tuple[int, np.dtype]:
-        """Return the place of the data of an image in the file, and the type of its words."""
+        """Return the position of the data of an image in the file, and the type of its integers."""
         offset = _count(image.get("data offset", ""))
         length = _count(image.get("data length", ""))
         if offset is None or length not in (2 * count, 4 * count):
@@ -249,13 +250,13 @@ class NanoscopeFile:
         """Return a sensitivity [m/V] by its name, 0 if the file lacks it or it is no length."""
         for _, section in self._sections:
             quantity = QUANTITY.fullmatch(section.get((name or "").lower(), ""))
-            # That of the deflection may have no unit, and is in nm/V.
+            # A sensitivity of the deflection without a unit is in nm/V.
             if quantity and quantity["unit"] in ("nm/V", ""):
                 return 1e-9 * float(quantity["value"])
         return 0.0
 
     def _step_factor_by_trigger(self, volts: float) -> float:
-        """Return the factor of the step of a word, by the deflection at which the tip turned.
+        """Return the factor of the step of a stored integer, by comparison with the trigger.
 
         Parameters
         ----------
@@ -267,13 +268,15 @@ class NanoscopeFile:
         force = _first(self._sections, FORCE)
         trigger = QUANTITY.fullmatch(force.get("trig threshold deflection", ""))
         mode = force.get("trigger mode", "").lower()
-        problem = "the step of its words of 32 bit is unknown"
+        problem = "the scale of its 32-bit deflections is unknown"
         if not trigger or not float(trigger["value"]) or mode == "off":
-            raise self._no_curve(f"{problem}, since it has no trigger")
+            raise self._no_curve(f"{problem}, since it has no trigger threshold")
         n = self._points
         curves = self.shape[0] * self.shape[1]
         turns = []
-        for index in np.unique(np.linspace(0, curves - 1, COMPARED_CURVES).astype(int)).tolist():
+        # Number of curves of a map whose deflections are compared with the trigger threshold.
+        compared_curves = 64
+        for index in np.unique(np.linspace(0, curves - 1, compared_curves).astype(int)).tolist():
             approach = self._read_words(self._words, self._offset, index, 2 * n)[:n]
             approach = approach[approach != np.iinfo(approach.dtype).min]
             if len(approach):
@@ -281,10 +284,13 @@ class NanoscopeFile:
                 turns.append(approach[0] - (far if mode != "absolute" else 0.0))
         turn = volts * abs(float(np.median(turns))) if turns else 0.0
         ratio = turn / abs(float(trigger["value"]))
+        # Largest relative difference between the deflection at the turning point and the trigger
+        # threshold.
+        trigger_tolerance = 0.2
         for factor in STEP_FACTORS:
-            if abs(ratio * factor - 1) <= TRIGGER_TOLERANCE:
+            if abs(ratio * factor - 1) <= trigger_tolerance:
                 return factor
-        raise self._no_curve(f"{problem}: it turned at {ratio:.3g} times its trigger")
+        raise self._no_curve(f"{problem}: they turn at {ratio:.3g} times the trigger threshold")
 
     def _times(self) -> np.ndarray | None:
         """Return the times (2 n,) [s] of the points of approach and retraction, None if unknown."""
@@ -310,7 +316,7 @@ class NanoscopeFile:
         try:
             offset, words = self._data_words(image, count)
             volts, sensitivity = self._step(image, "z scale")
-            # Words of 32 bit have the steps of the deflections.
+            # Integers of 32 bits have the same steps as those of the deflections.
             factor = self._step_factor if words.itemsize == self._words.itemsize else 1.0
             values = self._read_words(words, offset, 0, count)
         except NoCurve:
@@ -331,7 +337,7 @@ def _read_header(path: Path) -> list[tuple[str, Section]]:
         data = file.read(MAX_HEADER_BYTES)
     end = END.search(data)
     if not data.startswith(BEGINNINGS) or not end:
-        raise NoCurve("no NanoScope file", str(path))
+        raise NoCurve("not a NanoScope file", str(path))
     head = data[: end.start()]
     sections: list[tuple[str, Section]] = []
     for line in head.decode("latin-1").splitlines():
@@ -361,7 +367,7 @@ def _scan_size(text: str) -> tuple[float, float] | None:
 
 
 def _count(text: str) -> int | None:
-    """Return the number of at most ten digits that a text is, None if it is none."""
+    """Return the number in a text of at most ten digits; None for any other text."""
     return int(text) if re.fullmatch(r"\d{1,10}", text, re.ASCII) else None
 
 

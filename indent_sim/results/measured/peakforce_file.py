@@ -75,8 +75,8 @@ def _measured_curve(
         volts[-1] = volts[-1][::-1]
     z = np.concatenate(base_paths)
     deflection = 1e-9 * float(header["defl_sens_nmbyV"]) * np.concatenate(volts)
-    # A deflection can exceed the travel of the base by a snap-in only; beyond this ratio of
-    # their ranges it is wrong.
+    # A deflection can exceed the travel of the base only by a snap-in. If the ratio of their ranges
+    # exceeds this, the deflections are wrong.
     max_deflection_ratio = 1.5
     if (
         not np.isfinite(z).all()

@@ -45,7 +45,7 @@ def tab_text(results: Results) -> str:
     retract_forces = np.array([force[turn - 1]]) if turn == len(delta) else force[turn:]
     delta = np.concatenate([free_depths, delta[:turn], retract_depths])
     force = np.concatenate([0.0 * free_depths, force[:turn], retract_forces])
-    # Ratio of the written spring constant to the stiffest secant of the curve: so large that the
+    # Ratio of the written spring constant to the stiffest secant of the curve. With this ratio the
     # cantilever hardly bends.
     stiff_spring_ratio = 1e3
     k = stiff_spring_ratio * float(np.max(np.abs(force) / np.maximum(np.abs(delta), 1e-3 * step)))

@@ -45,13 +45,7 @@ from indent_sim.results.measured.measurement import (
 )
 from indent_sim.results.measured.text_layout import TextLayout, detect_layout, is_comment
 
-# A word in a line between the rows names a segment if it has so many letters.
-MIN_WORD_LENGTH = 6
-# No more than this fraction of the rows may lack a number.
-MAX_INVALID_FRACTION = 0.5
-# A larger number is no measurement, whatever its unit.
-LARGEST_MEASURED = 1e100
-# Times that begin anew more often than this are not those of segments.
+# Times that restart more often than this are not times since the beginning of each segment.
 MAX_RESTARTS = 8
 Values = dict[str, np.ndarray]
 
@@ -73,7 +67,7 @@ def read_text_curves(
     stiffness: float | None = None,
     sensitivity: str | None = None,
 ) -> list[MeasuredCurve]:
-    """Read the curves of a text file, in its own units; those with a deflection in newtons.
+    """Read the curves of a text file in its own units; forces from deflections are in newtons.
 
     Parameters
     ----------
@@ -97,12 +91,12 @@ def read_text_curves(
     NoCurve
         If the file is not a table of numbers; the message gives the reason and the line.
     ConfigError
-        A column or a role of `columns` does not exist, or the sensitivity is none.
+        A column or a role of `columns` does not exist, or the text of the sensitivity is not one.
     """
     text = decode(data)
     layout = detect_layout(text)
     roles = find_roles(layout, columns, str(path))
-    calibration = read_calibration(layout.head).with_given(stiffness, sensitivity)
+    calibration = read_calibration(layout.head).replace_given(stiffness, sensitivity)
     quantities = _Quantities(layout, roles, calibration, dict(given or {}), str(path))
     used = [*roles.approach.items(), *(roles.retract or {}).items()]
     word_column = next((column.index for role, column in used if role == "part"), None)
@@ -212,7 +206,8 @@ class _Quantities:
         for role in ("delta", "z"):
             if role in values:
                 notes += self._turn_inwards(values, role)
-        # The displacement of the base is what is controlled; the depth has the noise of the force.
+        # The displacement of the base is controlled and therefore smooth; the depth contains the
+        # noise of the force.
         abscissa = values.get("z", values.get("delta"))
         assert abscissa is not None
         order, time_note = _order_of_time(values.get("t"), words is not None or bool(parts))
@@ -293,11 +288,12 @@ class _Quantities:
         assert calibration.sensitivity is not None
         if kind != calibration.signal:
             raise Uncalibrated(
-                f"{self._name(column)} is in {unit}, and the sensitivity is one of another signal: "
+                f"{self._name(column)} is in {unit}, and the sensitivity belongs to another "
+                "signal: "
                 f"{SENSITIVITY_KEY.format(unit=unit)}",
                 self._file,
             )
-        # Currents of detectors are nanoamperes.
+        # Currents of detectors are usually given in nanoamperes.
         factor, signal = (1e9, "V") if kind == "voltage" else (1.0, "nA")
         self._note(
             f"force from {self._name(column)} by {factor * calibration.sensitivity:.4g} nm/"
@@ -356,18 +352,19 @@ class _Quantities:
 
 
 def _falls_on_contact(x: np.ndarray, force: np.ndarray) -> bool | None:
-    """Return whether an abscissa decreases towards the body; None if the force does not tell.
+    """Return whether an abscissa decreases towards the body; None if the force does not show it.
 
-    The body is at the end where the force is farther from its median, if it is above it.
+    The body is at that end of the abscissa at which the force deviates more from its median,
+    provided that it is above the median there.
     """
     if len(x) < 2:
         return None
-    # So many rows tell the direction.
+    # Number of rows that suffice to find the direction.
     enough = 20_000
     step = len(x) // enough + 1
     order = np.argsort(x[::step], kind="stable")
     sorted_force = force[::step][order]
-    # The force at an end is the mean of this fraction of the rows.
+    # The force at each end is the mean of a twentieth of the rows.
     end_count = max(len(order) // 20, 1)
     middle = float(np.median(sorted_force))
     low = float(sorted_force[:end_count].mean()) - middle
@@ -377,18 +374,22 @@ def _falls_on_contact(x: np.ndarray, force: np.ndarray) -> bool | None:
 
 
 def _complete_rows(values: Values, table: TextRows, is_paired: bool) -> tuple[_Rows, int]:
-    """Return the rows that have all numbers, and how many do not.
+    """Return the rows that have all numbers, and the number of the other rows.
 
-    Raises NoCurve if more than half of the rows are incomplete, unless the columns of another part
-    of the curve, which may be longer, are beside them.
+    Raises NoCurve if more than half of the rows are incomplete, unless the table also has columns
+    of another part of the curve, which may be longer.
     """
     table_columns = np.column_stack(list(values.values()))
     is_complete = np.isfinite(table_columns).all(axis=1)
+    # A larger number is not a measurement, whatever its unit.
+    largest_measured = 1e100
     with np.errstate(invalid="ignore"):
-        is_complete &= (np.abs(table_columns) < LARGEST_MEASURED).all(axis=1)
+        is_complete &= (np.abs(table_columns) < largest_measured).all(axis=1)
     count = len(is_complete)
     invalid_count = int(np.count_nonzero(~is_complete))
-    is_too_incomplete = invalid_count > MAX_INVALID_FRACTION * count
+    # Largest fraction of the rows that may lack a number.
+    max_invalid_fraction = 0.5
+    is_too_incomplete = invalid_count > max_invalid_fraction * count
     if invalid_count == count or (is_too_incomplete and not is_paired):
         raise NoCurve(f"{invalid_count} of {count} rows lack a number")
     if "deflection" in values:
@@ -431,8 +432,10 @@ def _segment_word(line: str) -> str:
         return match["word"].lower()
     if is_comment(line):
         return ""
+    # Smallest number of letters of a word in a line between rows that names a segment.
+    min_word_length = 6
     for word in re.findall(r"[^\W\d_]+", line.lower()):
-        if word in (*APPROACH_WORDS, *RETRACT_WORDS) and len(word) >= MIN_WORD_LENGTH:
+        if word in (*APPROACH_WORDS, *RETRACT_WORDS) and len(word) >= min_word_length:
             return str(word)
     return ""
 
@@ -444,7 +447,7 @@ def _part_words(rows: _Rows, layout: TextLayout) -> tuple[np.ndarray | None, lis
     named = [(row, word) for row, line in rows.marks if (word := _segment_word(line))]
     if not named:
         return None, []
-    # A line of titles that names all parts names none of them.
+    # A line of titles that names all parts does not begin one of them.
     above = [line for line in layout.head if line != layout.title_line]
     first = next((word for line in reversed(above) if (word := _segment_word(line))), "approach")
     count = len(next(iter(rows.values.values())))
@@ -455,7 +458,7 @@ def _part_words(rows: _Rows, layout: TextLayout) -> tuple[np.ndarray | None, lis
 
 
 def _parts_by_words(words: np.ndarray) -> tuple[dict[str, slice], list[str]]:
-    """Return the parts by words; none, and a sentence, if the words name no parts."""
+    """Return the parts by words, and sentences; no parts if the words do not name any."""
     distinct = set(words.tolist())
     if len(distinct) == 1 and not next(iter(distinct)).strip("0123456789. "):
         return {}, []
@@ -477,9 +480,10 @@ def _parts_by_words(words: np.ndarray) -> tuple[dict[str, slice], list[str]]:
 def _order_of_time(
     t: np.ndarray | None, has_parts: bool
 ) -> tuple[np.ndarray | None, tuple[str, ...]]:
-    """Return the order of the rows by time, None if they are in this order, and a sentence.
+    """Return the order that sorts the rows by time (None if they are sorted), and sentences.
 
-    Times that begin anew a few times are those of segments, which follow each other.
+    If the times restart a few times, they are counted in each segment, and the segments follow each
+    other.
     """
     if t is None or len(t) < 2 or has_parts:
         return None, ()
@@ -490,7 +494,7 @@ def _order_of_time(
 
 
 def _continued_times(t: np.ndarray) -> np.ndarray:
-    """Return times that do not begin anew: those of each segment follow the segment before."""
+    """Return times without restarts: those of each segment continue after the previous segment."""
     steps = np.diff(t)
     restarts = np.flatnonzero(steps < 0)
     if not len(restarts) or len(restarts) > MAX_RESTARTS:

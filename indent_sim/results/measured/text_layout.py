@@ -18,20 +18,16 @@ from indent_sim.results.measured.column_titles import (
 from indent_sim.results.measured.measurement import NoCurve
 
 COMMENT_SIGNS = "#%"
-# Lines of the header that the program of JPK writes above the table of a segment.
+# Lines of the header that JPK's software writes above the table of a segment.
 JPK_LINE = re.compile(r"(columns|fancyNames|units):\s*(.*)")
-# Words between quotes, or between blanks.
+# Words that are separated by blanks, or enclosed in quotes.
 WORDS = re.compile(r'"([^"]*)"|(\S+)')
 PLAIN_NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?(?:nan|inf(?:inity)?)")
-# A longer line does not belong to a table of a curve, and neither do more columns.
+# Largest length of a line, and largest number of columns, of the table of a curve.
 MAX_LINE_LENGTH = 100_000
 MAX_COLUMNS = 1000
-# The first line of numbers is searched in so many lines.
+# Number of lines in which the first line of numbers is searched.
 MAX_HEAD_LINES = 4000
-# Titles are searched in so many lines above the numbers.
-MAX_TITLE_LINES = 60
-# The decimal sign is that of so many lines of the table.
-SAMPLED_LINES = 300
 Cells = list[str]
 
 
@@ -116,8 +112,8 @@ class TextLayout:
 def detect_layout(text: str) -> TextLayout:
     """Detect the layout of a text table; raise NoCurve if it has no line of numbers.
 
-    Separator and signs are those of the lines in the middle, which are likely to hold numbers; the
-    header ends before the first line that has numbers in the same columns.
+    Separator and signs are found from lines in the middle of the text, which are likely to contain
+    numbers. The header ends before the first line that has numbers in the same columns.
     """
     if not text.strip():
         raise NoCurve("the file is empty")
@@ -132,10 +128,10 @@ def detect_layout(text: str) -> TextLayout:
     similar = [line for line in numbers if len(layout.cells(line)) == width]
     if separator is not None and all(line.startswith(separator) for line in similar):
         layout = replace(layout, has_margin=True)
-    layout = _with_signs(layout, similar)
+    layout = _apply_signs(layout, similar)
     cells = layout.cells(middle)
     if len(cells) > MAX_COLUMNS:
-        raise NoCurve(f"{len(cells)} columns: no table of a curve")
+        raise NoCurve(f"{len(cells)} columns: not the table of a curve")
     layout = replace(layout, width=len(cells))
     numeric_columns = [k for k, cell in enumerate(cells) if layout.is_number(cell)]
     head = text[: MAX_HEAD_LINES * 200].split("\n")[:MAX_HEAD_LINES]
@@ -156,11 +152,13 @@ def is_comment(line: str) -> bool:
 
 
 def _middle_lines(text: str) -> Iterator[str]:
-    """Yield lines from the middle on, then from the begin, that are no blanks and no comments.
+    """Yield the lines, except blank lines and comments, from the middle on, then from the start.
 
-    Raises NoCurve if a line is longer than any of a table.
+    Raises NoCurve if a line is too long for a table.
     """
     begin = text.rfind("\n", 0, len(text) // 2) + 1
+    # Number of lines of the table from which the decimal sign is found.
+    sampled_lines = 300
     for start in (begin, 0):
         count = 0
         for line in text[start : start + 10 * MAX_LINE_LENGTH].split("\n"):
@@ -170,7 +168,7 @@ def _middle_lines(text: str) -> Iterator[str]:
                 raise NoCurve(f"a line has more than {MAX_LINE_LENGTH} characters")
             yield line
             count += 1
-            if count == SAMPLED_LINES:
+            if count == sampled_lines:
                 break
 
 
@@ -198,8 +196,8 @@ def _is_mainly_numbers(line: str) -> bool:
     return numbers > 0 and 2 * numbers >= len(cells)
 
 
-def _with_signs(layout: TextLayout, lines: Sequence[str]) -> TextLayout:
-    """Return the layout with the decimal sign and the thousands mark of some lines.
+def _apply_signs(layout: TextLayout, lines: Sequence[str]) -> TextLayout:
+    """Return the layout with the decimal sign and the thousands mark that some lines use.
 
     The last one of two different signs in a number is the decimal sign; a sign that occurs twice is
     the thousands mark.
@@ -218,7 +216,7 @@ def _with_signs(layout: TextLayout, lines: Sequence[str]) -> TextLayout:
     if not (marks["1,2"] or marks["1,234"]):
         return layout
     if marks["1.2"] or marks["1.234"]:
-        # Commas are thousands marks if all of them are followed by three digits.
+        # Commas are thousands marks if each of them is followed by three digits.
         if marks["1,2"]:
             raise NoCurve("some numbers have a decimal point and others a decimal comma")
         return replace(layout, thousands=",")
@@ -227,7 +225,7 @@ def _with_signs(layout: TextLayout, lines: Sequence[str]) -> TextLayout:
 
 
 def _signs_of_number(cell: str) -> list[str]:
-    """Return which of the forms that tell the decimal sign a number has, none of integers."""
+    """Return the patterns in a number that determine the decimal sign; none for integers."""
     digits = re.sub(r"[eE].*", "", cell)
     signs = re.sub(r"[^.,]", "", digits)
     if not signs:
@@ -271,14 +269,16 @@ def _read_titles(layout: TextLayout) -> tuple[tuple[ColumnTitle, ...], str]:
     units: Cells = []
     skipped = 0
     last_unit_line = ""
-    for line in reversed(layout.head[-MAX_TITLE_LINES:]):
+    # Number of lines above the numbers in which titles are searched.
+    max_title_lines = 60
+    for line in reversed(layout.head[-max_title_lines:]):
         text = line.strip().lstrip(COMMENT_SIGNS).strip(" ")
         if not text:
             continue
         cells = _title_cells(layout, text)
         if cells is None:
             skipped += 1
-            # So many lines may stand between the titles and the numbers.
+            # Largest number of lines between the titles and the numbers.
             if skipped > 3:
                 break
             continue

@@ -10,11 +10,12 @@ import numpy as np
 
 from indent_sim.results.pictures.figures import COLOURS, MARKERS, MAX_MARKED_POINTS, Axes, PlotStyle
 
-UNLOADING_STYLE = {"ls": (0, (4, 2)), "mfc": "white"}  # Dashed, with hollow markers.
+# Style of unloading: dashed, with hollow markers.
+UNLOADING_STYLE = {"ls": (0, (4, 2)), "mfc": "white"}
 Points = tuple[np.ndarray, np.ndarray]  # x and y.
 Rows = tuple[np.ndarray, np.ndarray, np.ndarray]  # Depths, x and y.
 Interpolator = Callable[[np.ndarray, np.ndarray], Points]  # Function from points to a line.
-Colour = Any  # Any form that matplotlib accepts.
+Colour = Any  # A colour in any form that matplotlib accepts.
 
 
 def line_style(index: int, count: int) -> PlotStyle:
@@ -152,7 +153,7 @@ def draw_rows(
         }
         axes.plot(*curve, color=colour, zorder=2, label=None if marker else label, **line)
         if marker:
-            # The turning point has its marker as the last row of loading.
+            # The turning point already has a marker, as the last row of loading.
             marked_rows = slice(part.start + goes_out, part.stop)
             marker_edge = {"mec": "white", "mew": 0.6}
             if goes_out:

@@ -140,7 +140,7 @@ def draw_branches(
             )
             labelled.add(branch)
         if len(branches) <= MAX_MARKED_POINTS:
-            # The line begins with the last row of the branch before, which has its marker already.
+            # The line begins at the last row of the previous branch, which already has a marker.
             new_rows = slice(-(end - begin), None)
             axes.plot(
                 piece_x[new_rows],

@@ -216,13 +216,14 @@ def deformed_section(results: Results, step: float, field: FieldQuantity) -> Sec
     section = Section(
         points[:, [0, 2]], triangles, shown, _region_interfaces(points, triangles, regions)
     )
-    left = fields["points"][:, 0].min()
-    is_half = plan_choice(results.report, "symmetry") != "full" and left >= center[
-        0
-    ] - 1e-9 * np.ptp(fields["points"][:, 0])
+    x = fields["points"][:, 0]
+    begins_at_axis = x.min() >= center[0] - 1e-9 * np.ptp(x)
+    is_half = plan_choice(results.report, "symmetry") != "full" and begins_at_axis
     # The component rz refers to its own r on both sides of the axis of an axisymmetric body.
     is_odd = field.is_odd and horizontal_axis_name(results) == "x"
-    return section.mirror(center[0], -1.0 if is_odd else 1.0) if is_half else section
+    if not is_half:
+        return section
+    return section.mirror(center[0], -1.0 if is_odd else 1.0)
 
 
 def _region_interfaces(
@@ -354,12 +355,13 @@ class FieldRow:
         depths = [_row_value(run, step, "delta") for run, step, _ in self.steps]
         contact_radius = max(_row_value(run, step, "a") for run, step, _ in self.steps)
         size = max(contact_radius, *np.abs(depths))
-        # A tip that sinks in by less than this fraction of its lift has no contact.
+        # If the depth is less than this fraction of the lift of the tip, there is no contact to
+        # show.
         max_lift = 0.01
-        # A swelling body may lift the tip: then there is no contact to show.
+        # A swelling body may lift the tip without a contact that could be shown.
         if not contact_radius > 0 and max(depths) <= max_lift * size:
             size = (top - bottom) / 2
-        # Room for the tip above the surface, in contact radii or depths.
+        # Space for the tip above the surface, in contact radii or depths.
         space_above = 0.35
         if self.zoom is not None:
             half_width = self.zoom * size
@@ -368,11 +370,11 @@ class FieldRow:
                 min(right, self.axis_position + half_width),
             )
             return np.array([*sides, max(bottom, -half_width), top + space_above * size])
-        # Half-width of the view in heights of a thin body, whose field would be too small
-        # in a wider one.
+        # Half-width of the view of a thin body, in multiples of its height. In a wider view the
+        # body would be too thin to see its field.
         thin_body_heights = 4.0
-        # Half-width of the view around the tip, in contact radii or depths; the second is the least
-        # for a thin body.
+        # Half-width of the view around the tip, in contact radii or depths; the second number is
+        # the smallest one for a thin body.
         field_view = 3.0
         thin_body_view = 1.5
         half_width = size * np.clip(
@@ -434,7 +436,7 @@ class FieldRow:
             zip(*(section.values_in_frame(self.frame) for section in self.sections), strict=True),
         )
         if not inside.size:
-            raise UsageError("no point of the mesh is in view: give a larger --zoom")
+            raise UsageError("no point of the mesh is in view; give a larger --zoom")
         first = horizontal_axis_name(runs[0])
         kind = self.field.kind
         name = self.field.name.format(r=first, t={"r": r"\theta", "x": "y"}[first])

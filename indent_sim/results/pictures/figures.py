@@ -47,7 +47,7 @@ PlotStyle = dict[str, Any]  # Keyword arguments of matplotlib's functions.
 # Formulas of the half-space are drawn beside the curve of any body.
 FORMULA_STYLE: PlotStyle = {"color": GREY, "ls": ":", "lw": 1.2, "zorder": 2}
 RC_PARAMETERS: PlotStyle = {
-    "figure.dpi": 100,  # Labels are measured at this resolution.
+    "figure.dpi": 100,  # Resolution at which the sizes of labels are measured.
     "legend.framealpha": 0.85,  # A long line of text may cross a steep curve.
     "text.usetex": False,  # Titles are users' texts, and LaTeX would execute commands in them.
     "svg.hashsalt": "indent-sim",  # Equal results give equal files.
@@ -66,7 +66,7 @@ RC_PARAMETERS: PlotStyle = {
 def new_figure(size: tuple[float, float] = (9.2, 4.8), font: float = FONT_SIZE) -> Iterator[Figure]:
     """Yield an empty figure of a size [inches] and a font size [points] in the common style."""
     with warnings.catch_warnings():
-        # Two installed versions of matplotlib cause this warning; Axes3D is not used.
+        # If two versions of matplotlib are installed, it warns about Axes3D, which is not used.
         warnings.filterwarnings("ignore", "Unable to import Axes3D")
         import matplotlib
         from matplotlib.figure import Figure
@@ -109,7 +109,7 @@ def draw_legend_right(axes: Axes, labelled_axes: Axes) -> None:
     )
     legend_width, legend_height = legend.get_window_extent().size / figure.dpi
     width, height = figure.get_size_inches()
-    # Least height above and below a legend beside a panel [inches].
+    # Smallest distance above and below a legend beside a panel [inches].
     legend_margin = 0.6
     figure.set_size_inches(width + legend_width, max(height, legend_height + legend_margin))
 
@@ -189,7 +189,7 @@ def _wrap_text(text: str, width: float) -> str:
     # Width of a small letter at the standard font size [inches].
     letter_width = 0.07
     letters = int(width / (letter_width * _font_scale()))
-    # Least number of letters in a line of a broken text.
+    # Smallest number of letters in a line of a broken text.
     min_letters = 12
     return "\n".join(textwrap.wrap(text, max(min_letters, letters)))
 
@@ -198,7 +198,7 @@ def _panel_width(axes: Axes) -> float:
     """Return the width of a panel [inches]; an estimate before the layout is computed."""
     figure = axes.get_figure()
     spec = getattr(axes, "get_subplotspec", lambda: None)()
-    if spec is None:  # Axes outside of a grid have their final place.
+    if spec is None:  # Axes outside of a grid already have their final position.
         return float(axes.get_window_extent().width / figure.dpi)
     # Width of the labels to the left of a panel at the standard font size [inches].
     axis_label_width = 0.75
@@ -239,7 +239,8 @@ def draw_colour_bar(
             transform=_inches_below(panels[0]),
             label="<colorbar>",
         )
-    # A bar of contours with uniform spacing draws numbers beyond its ends at its ends.
+    # With uniform spacing the colour bar of contours would draw numbers beyond its ends at the
+    # ends.
     bar = figure.colorbar(drawn, label=label, spacing="proportional", **look)
     bar.outline.set_visible(False)
     return bar
@@ -391,7 +392,8 @@ def thin_tick_labels(figure: Figure) -> None:
     bars = [bar for axes in panels for bar in axes.child_axes]
     max_ticks = 9
     for axes in (*panels, *bars):
-        # Axes true to scale, and colour bars below panels, are placed as matplotlib will draw them.
+        # Axes true to scale, and colour bars below panels, get the position in which matplotlib
+        # draws them.
         locator = axes.get_axes_locator()
         axes.apply_aspect(locator(axes, None) if locator else None)
         for axis in (axes.xaxis, axes.yaxis):
@@ -414,7 +416,7 @@ def _has_touching_labels(axis: Any) -> bool:
     ]
     side = 0 if axis.axis_name == "x" else 1
     ends = sorted((box.min[side], box.max[side]) for box in boxes)
-    # Least distance of tick labels [pixels].
+    # Smallest distance of tick labels [pixels].
     least_gap = 3.0
     return any(after[0] - before[1] < least_gap for before, after in pairwise(ends))
 

@@ -240,11 +240,8 @@ def _draw_error_bands(axes: Axes, runs: Sequence[Results], depth: Axis, force: A
         x = depth(runs[i]["delta"])
         y = force(runs[i]["force"])
         half_widths = force(np.nan_to_num(runs[i]["force_error"]))
-        label = (
-            f"{ERROR_LABEL}{_last_error_text(half_widths, y) if len(runs) == 1 else ''}"
-            if i == runs_with_errors[-1]
-            else None
-        )
+        last_error = _last_error_text(half_widths, y) if len(runs) == 1 else ""
+        label = f"{ERROR_LABEL}{last_error}" if i == runs_with_errors[-1] else None
         colour = curves.line_style(i, len(runs))["color"]
         if len(x) == 1:  # A band needs two points.
             axes.errorbar(x, y, half_widths, color=colour, alpha=0.5, capsize=6, ls="", label=label)
@@ -284,7 +281,7 @@ def _draw_theory(axes: Axes, theory: Report, depth: Axis, force: Axis) -> None:
         )
         # The point is the formula's force at the run's depth, or its depth at the run's force.
         formula_point = {**theory, **half_space}
-        # Results of older versions have no curve.
+        # Results of older versions do not contain a curve of the formula.
         curve = half_space.get("curve", {"delta": (), "force": ()})
         x = depth([0, *curve["delta"]])
         y = force([0, *curve["force"]])
@@ -309,11 +306,10 @@ def _draw_theory(axes: Axes, theory: Report, depth: Axis, force: Axis) -> None:
 def _deviation_text(deviation: float) -> str:
     """Return the deviation of a formula from this run as text."""
     percent_text = f"{abs(deviation):.1%}"
-    return (
-        "as this run"
-        if percent_text == "0.0%"
-        else f"{percent_text} {'below' if deviation < 0 else 'above'} this run"
-    )
+    if percent_text == "0.0%":
+        return "as this run"
+    side = "below" if deviation < 0 else "above"
+    return f"{percent_text} {side} this run"
 
 
 def _last_error_text(half_widths: np.ndarray, y: np.ndarray) -> str:

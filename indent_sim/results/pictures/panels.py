@@ -45,8 +45,9 @@ MM = 1 / figures.MM_PER_INCH  # One millimetre in inches.
 MAX_LINE_COLUMNS = 3
 MAX_PANELS = 40
 T = TypeVar("T")
-# Least widths of panels at the standard font size [inches]. In a narrower panel the vertical axis
-# is shorter than its name. Several maps in a row have one colour bar right of them.
+# Smallest widths of panels at the standard font size [inches]. In a narrower panel the vertical
+# axis would be shorter than its name. Several maps in a row have one colour bar to the right of
+# them.
 MIN_PANEL_WIDTH = 2.6
 MIN_MAP_WIDTH = 1.8
 LabelledStep = tuple[Results, float, str]  # Result, step, and label.
@@ -258,10 +259,11 @@ def requested_figure(runs: Sequence[Results], request: PlotRequest) -> Iterator[
         if request.letters:
             _letter_panels(figure)
         true_scale_axes = [axes for axes in figure.axes if axes.get_aspect() != "auto"]
-        # The layout reserves no room for tick labels of axes that are smaller than their place.
+        # The layout reserves no space for tick labels of axes that are smaller than their place in
+        # the grid.
         for axes in true_scale_axes:
             axes.set_aspect("auto")
-        # Each pass knows the heights and tick labels of the pass before.
+        # Each pass uses the heights and tick labels of the previous pass.
         passes = 3
         for _ in range(passes):
             figures.place_panels(figure)
@@ -317,8 +319,8 @@ def draw_into(axes: Axes, runs: Sequence[Results], request: PlotRequest) -> None
     Raises
     ------
     UsageError
-        For the reasons of `requested_figure`, for several panels, and for options of a whole
-        picture: width, font, layout and letters.
+        If `requested_figure` would raise it, if there are several panels, or if options of a whole
+        picture are given: width, font, layout or letters.
     """
     if (request.width, request.font, request.layout, request.letters) != (
         None,
@@ -421,7 +423,7 @@ def _requested_rows(
     assert request.layout is not None
     count, columns = request.layout
     if count * columns > MAX_PANELS:
-        problem = f"--layout {count}x{columns} is for {count * columns} panels"
+        problem = f"--layout {count}x{columns} has {count * columns} panels"
         raise UsageError(problem, f"a picture has {MAX_PANELS} at most")
     panels = _all_panels(runs, names, request)
     if len(panels) > count * columns:

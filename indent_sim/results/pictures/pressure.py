@@ -33,8 +33,8 @@ from indent_sim.results.pictures.profile import values_on_line
 from indent_sim.results.reader import Results
 from indent_sim.results.result_scene import scene_of
 
-# A peak is shown up to this multiple of the median pressure inside the contact; otherwise a
-# singularity would make the rest of the curve invisible.
+# A pressure peak is shown up to this multiple of the median pressure inside the contact. A
+# singularity would otherwise make the rest of the curve invisible.
 PEAK_MEDIANS = 5.0
 # A point is in contact if its pressure exceeds this fraction of the median pressure inside the
 # contact; a smaller pressure may be an oscillation of the solution.
@@ -246,8 +246,8 @@ def _pressure_singularities(
     contact_radius_factor = 1.02
     radii = [r for r, _ in tip.slope_discontinuities() if r <= contact_radius_factor * a]
     end = max_radius(tip)
-    # Points that are not drawn take up at most this fraction of the contact radius: with few
-    # elements in the contact nothing would be left otherwise.
+    # Points that are not drawn take up at most this fraction of the contact radius. With few
+    # elements in the contact no points would be left otherwise.
     max_excluded_fraction = 0.5
     # A width is excluded on both sides of its radius.
     max_width = max_excluded_fraction * a / (2 * max(1, len(radii)))
@@ -557,7 +557,7 @@ def _draw_shear(axes: Axes, contact: ContactSurface, length: Axis) -> None:
         contact.stick_radius * np.array([np.cos(angle), np.sin(angle)]) + contact.center[:, None]
     )
     axes.plot(*map(length, stick_circle), color="black", lw=1.4, ls=":")
-    # Darkest colour of the map, behind labels that may be outside of the body.
+    # Labels that may be outside of the body get the darkest colour of the map as their background.
     background = "#00224e"
     look: PlotStyle = {
         "color": "white",

@@ -148,7 +148,7 @@ def draw_profiles(axes: Axes, shown: Sequence[tuple[Results, float, str, object]
         xlim=length([middle - half_width, middle + half_width]),
         ylim=length([low - margin, high + 3 * margin]),
     )
-    # Heights are magnified if the view is lower than this times its width.
+    # Heights are magnified if the ratio of height to width of the view is below this.
     true_scale_ratio = 0.12
     is_true_scale = (high - low) > true_scale_ratio * 2 * half_width
     if is_true_scale:  # The view is extended to fill the panel, and shows more of the tip.

@@ -52,7 +52,7 @@ def _differing_settings(runs: Sequence[Results]) -> list[str]:
         ", ".join(f"{name} {short_yaml(value)}" for name, value in pairs if value is not None)
         for pairs in settings
     ]
-    # A longer name is shortened.
+    # Longer names are shortened.
     max_letters = 48
     return [text if len(text) <= max_letters else f"{text[: max_letters - 1]}…" for text in words]
 

@@ -120,6 +120,8 @@ class ErrorBars:
             None if half_penalty_states is None else states_by_step(half_penalty_states)
         )
         self._run_states: StatesByStep = {}
+        # Errors of the side force along a slide, by row [force]
+        self._slide_force_errors: dict[int, float] = {}
         self._scene = scene
         self._physics = scene.physics
         self._sizes = scene.sizes
@@ -163,6 +165,10 @@ class ErrorBars:
             f"{name}_error": self._error_of_other_column(state, name)
             for name in self._other_columns(state)
         }
+        if name := self._physics.slide_force_column:
+            self._slide_force_errors[state.step] = errors.get(f"{name}_error", 0.0)
+            if state.dissipation is not None:
+                errors["dissipation_error"] += self._error_of_slide_dissipation(state)
         return replace(
             state,
             force_error=budget.total,
@@ -424,6 +430,9 @@ class ErrorBars:
         if name == "a":
             return RADIUS_ERROR * end_element
         value = abs(getattr(state, name))
+        if name in self._side_forces:
+            # A side force that changes its sign has the error of the largest one
+            value = max(value, self._largest_side_force(state))
         min_error = RADIUS_ERROR * end_element / state.a * value if state.a > 0 else 0.0
         if name == "p_max":
             # With contact closed by swelling, p_max occurs in the element that came into contact
@@ -438,7 +447,7 @@ class ErrorBars:
             )
         difference = value_difference(self._coarse_states, self._run_states, state.step, name)
         estimate = grid_convergence_index(difference, self.coarser_run.ratio, PRESSURE_ORDER)
-        return float(np.max([estimate, min_error]))  # NaN if either is
+        return float(np.max([estimate, min_error]))  # NaN if either of the two is NaN
 
     def _element_size_over_peak_width(self, state: State, end_element: float) -> float:
         """Return the element size at the contact edge divided by the width of the pressure peak.
@@ -471,6 +480,32 @@ class ErrorBars:
         order = 0.5 if name == "a" and self._physics.surface_tension else 1.0
         difference = value_difference(self._coarse_states, self._soft_states, step, name)
         return difference / (2**order - 1) / self._stiffness_ratio**order
+
+    # ---- a tip that slides
+
+    def _largest_side_force(self, state: State) -> float:
+        """Return the largest side force that friction allows at a row, or that of stick [force]."""
+        law = self._physics.contact
+        if law.may_slip:
+            return float(law.friction) * abs(state.force)
+        name = self._physics.slide_force_column
+        return max(abs(getattr(row, name) or 0.0) for row in self._run_states.values())
+
+    def _error_of_slide_dissipation(self, state: State) -> float:
+        """Return the error of the dissipation that follows from that of the side force Q [energy].
+
+        The elastic energy Q^2/(2 k) of the shear is no part of the dissipated one. Its error is
+        (Q/k) times the error of Q at the beginning and the end of the row. k is the slope of the
+        side force over the slide in the first row in which the tip slides.
+        """
+        name = self._physics.slide_force_column
+        slides = (row for row in self._run_states.values() if row.slide and getattr(row, name))
+        first = min(slides, key=lambda row: row.step, default=None)
+        if first is None or not self._physics.contact.may_slip:
+            return 0.0
+        compliance = abs(first.slide / getattr(first, name))
+        errors = (self._slide_force_errors.get(step, 0.0) for step in (state.step - 1, state.step))
+        return float(compliance * abs(getattr(state, name)) * sum(errors))
 
     # ---- load increments and time steps
 

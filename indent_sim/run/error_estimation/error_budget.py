@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 from math import acosh
 
-# Empirical constant of the error estimate; docs/accuracy.md has coverage and width without it.
+# Empirical constant of the error estimate; docs/accuracy.md gives coverage and width of the error
+# bars without it.
 SAFETY_FACTOR = 3.0  # Roache's factor of safety for two meshes
 
 

@@ -19,6 +19,7 @@ from indent_sim.model.experiment import Calibration
 from indent_sim.model.imported_body import MeshFromFile
 from indent_sim.model.layers import Layer
 from indent_sim.model.linear_elasticity import LinearElastic
+from indent_sim.model.spherical_bodies import Ball, Cap
 from indent_sim.model.tilted_tip import largest_tilt, tilted
 from indent_sim.model.tips import (
     FlatPunch,
@@ -565,6 +566,27 @@ EFFECTS: dict[str, Cases] = {
             max_value=_largest_rounding,
         ),
     ),
+    "bond_below": (
+        Absent(
+            "only a cap or a ball can rest on a flat without a bond",
+            when=lambda v: not isinstance(v.config.body, Cap | Ball),
+        ),
+        Absent(
+            "the ball is held by two tips",
+            when=lambda v: v.config.body.base == "roller" and isinstance(v.config.body, Ball),
+        ),
+        Comparison(
+            "the body on its flat relative to one whose base is bonded, each on a mesh of its own",
+            lambda v: v.meshed_variant(v.plain_scene),
+            lambda v: v.meshed_variant(v.replace_plain_body(base="fixed")),
+            when=lambda v: v.config.body.base == "unbonded",
+        ),
+        Comparison(
+            "the body on its support relative to one that rests on a flat without a bond",
+            lambda v: v.meshed_variant(v.plain_scene),
+            lambda v: v.meshed_variant(v.replace_plain_body(base="unbonded", surface_tension=0.0)),
+        ),
+    ),
     "soft_tip": (
         Absent("the {v.tip_name} is rigid", when=lambda v: not hasattr(v.tip, "material")),
         Comparison(
@@ -575,7 +597,10 @@ EFFECTS: dict[str, Cases] = {
         ),
         Unknown(
             "there is no theory of this tip and body",
-            when=lambda v: not (v.layer_scene or v.half_space_scene),
+            when=lambda v: (
+                not isinstance(v.tip, Paraboloid | Sphere)
+                or not (v.layer_scene or v.half_space_scene)
+            ),
         ),
         Threshold(
             "theory, with half a ball taken as a flat layer of thickness R{v.stand_in_text}",

@@ -120,6 +120,13 @@ def require(config: Config, within: float = 0.01) -> Requirements:
 
 def _requirements(config: Config, within: float) -> Requirements:
     """Return the requirements of a scene; see `require`."""
+    if config.loading.slide is not None:
+        raise ConfigError(
+            "loading.slide",
+            "has a side force, but models are compared by their force at one depth, which hardly "
+            "depends on friction",
+            "leave it out to find the simplest model for the force alone",
+        )
     scene = resolve(config)
     config = variants.set_gel_stretch(remove_unused_material(config, scene.physics.domain))
     if scene.physics.is_time_dependent:

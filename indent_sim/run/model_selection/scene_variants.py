@@ -18,7 +18,7 @@ from indent_sim.model.linear_elasticity import LinearElastic
 from indent_sim.model.loading import Loading
 from indent_sim.model.relaxation import Relaxation
 from indent_sim.model.spherical_bodies import Ball, Cap
-from indent_sim.model.tips import Cone, Indenter, RegularPyramid, Sphere
+from indent_sim.model.tips import Cone, Indenter, Plate, RegularPyramid, Sphere
 from indent_sim.model.unbounded_bodies import HalfSpace, InfiniteLayer
 from indent_sim.model.walled_bodies import Box, Strip
 from indent_sim.process.errors import NotConverged
@@ -262,7 +262,10 @@ class SceneVariants:
     def with_rigid_tip(self, config: Config) -> Config:
         """Return a scene with the same tip of a rigid material."""
         tip: Any = config.indenter
-        return replace_sections(config, indenter=replace(tip, material=None, thickness=None))
+        # Only a soft plate has a radius.
+        end = {"radius": None} if isinstance(tip, Plate) else {}
+        rigid_tip = replace(tip, material=None, thickness=None, **end)
+        return replace_sections(config, indenter=rigid_tip)
 
     def planned_force(self, config: Config) -> float:
         """Return the force of a scene at its largest depth by its theory, also if not exact.

@@ -126,7 +126,7 @@ def _check_section(
 ) -> Mapping[str, Any]:
     if not isinstance(raw_section, dict):
         raise _config_error(
-            keys, "must be a mapping of keys to values", f"it has {', '.join(valid_keys)}"
+            keys, "must be a mapping of keys to values", f"its keys are {', '.join(valid_keys)}"
         )
     if unknown := [key for key in raw_section if key not in valid_keys]:
         raise _config_error(
@@ -134,7 +134,7 @@ def _check_section(
         )
     if missing := [key for key in required_keys if key not in raw_section]:
         raise _config_error(
-            (*keys, missing[0]), "missing", f"needed here: {', '.join(required_keys)}"
+            (*keys, missing[0]), "missing", f"this section needs {', '.join(required_keys)}"
         )
     return raw_section
 

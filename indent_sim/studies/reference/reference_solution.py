@@ -258,11 +258,12 @@ def theory_curve(case: Case) -> ReferenceCurve | None:
     """
     scene = case.planned_run.scene
     depths = [delta for delta in scene.physics.deltas if delta > 0]
-    # Theory is evaluated at no more depths than these.
+    # Largest number of depths at which the theory is evaluated.
     max_depths = 200
-    depths = depths[:: -max(1, len(depths) // max_depths)][::-1]  # includes the last depth
+    # the last depth is always included
+    depths = depths[:: -max(1, len(depths) // max_depths)][::-1]
     if case.planned_run.has_prescribed_forces and depths:
-        # The depth of a prescribed force differs from its prediction by less than this.
+        # The depth of a prescribed force differs from the predicted one by less than this factor.
         depth_factor = 1.3
         depths_around = np.geomspace(
             min(depths) / depth_factor,

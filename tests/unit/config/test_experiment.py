@@ -246,7 +246,7 @@ def test_what_relaxes_does_so_alike_everywhere() -> None:
 @pytest.mark.parametrize(
     ("times", "words"),
     [
-        ([0.5, 0.2], "is not later than the one before"),
+        ([0.5, 0.2], "is not later than the previous time"),
         ([2.0], "outside the history"),
         ([-1.0, 0.5], "outside"),
     ],

@@ -67,7 +67,7 @@ def layers(*materials: dict[str, Any]) -> dict[str, Any]:
         (
             layers(WET, WET | {"n_omega": 2e-3}),
             "body.layers[1].material.n_omega",
-            "one ratio for all gels",
+            "the same ratio for all gels",
         ),
         ({"material": GEL, "drainage": {"bath": 0.0}}, "drainage", "no material has a flow"),
         (

@@ -263,7 +263,7 @@ def test_what_is_no_zip_archive_is_no_curve(tmp_path):
     path = tmp_path / "text.jpk-force"
     for data in (b"", b"PK", b"a,b\n1,2\n", bytes(5000)):
         path.write_bytes(data)
-        with pytest.raises(NoCurve, match="not a curve: no zip archive"):
+        with pytest.raises(NoCurve, match="not a curve: not a zip archive"):
             read_curves(path)
 
 

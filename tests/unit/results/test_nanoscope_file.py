@@ -70,7 +70,7 @@ def test_the_content_tells_a_file_from_its_export(tmp_path):
 
 def test_an_absolute_trigger_counts_from_zero(tmp_path):
     path = single(tmp_path, {"Trigger mode: Relative": "Trigger mode: Absolute"})
-    with pytest.raises(NoCurve, match="times its trigger"):
+    with pytest.raises(NoCurve, match="times the trigger threshold"):
         read_curves(path)
     absolute = stored(SINGLE + 0.3, 32, 1 / 256)
     changes = {"Trigger mode: Relative": "Trigger mode: Absolute"}
@@ -81,7 +81,7 @@ def test_an_absolute_trigger_counts_from_zero(tmp_path):
 def test_an_unknown_step_is_refused(tmp_path):
     words = stored(SINGLE, 32, 1 / 16)
     with pytest.raises(
-        NoCurve, match=r"32 bit is unknown: it turned at 1[56]\.?\d* times its trig"
+        NoCurve, match=r"32-bit deflections is unknown: they turn at 1[56]\.?\d* times the trig"
     ):
         read_curves(nanoscope_files.write(tmp_path / "gel.spm", words))
     for changes in (
@@ -152,7 +152,7 @@ def test_what_is_missing_is_said_and_may_be_given(tmp_path):
 
 REFUSED = {
     "exceed the travel": {"27.39000": "2739.000"},
-    "points in and out": {rf"\Samps/line: {N} {N}": rf"\Samps/line: {N} 61"},
+    "the same number of points": {rf"\Samps/line: {N} {N}": rf"\Samps/line: {N} 61"},
     "of the ramp": {"Ramp Size: V": "Ramp Sighs: V"},
     "of 16 or 32 bit": {f"Data length: {8 * N}": "Data length: 7"},
     "the file ends": {"Data offset: 8192": "Data offset: 8200"},
@@ -162,7 +162,7 @@ REFUSED = {
         "mode: Force\r": "mode: Force Volume\r",
         "/line: 256": "/line: 0",
     },
-    "no NanoScope file": {r"\*File list end": ""},
+    "not a NanoScope file": {r"\*File list end": ""},
 }
 
 
@@ -193,7 +193,7 @@ def test_files_are_recognised_by_their_beginning(tmp_path):
     for name in ("a.021", "b.spm", "c.xyz"):
         assert len(read_curves(tmp_path / name)) == 1
     for name in ("e.spm", "f.pfc"):
-        with pytest.raises(NoCurve, match="no NanoScope file"):
+        with pytest.raises(NoCurve, match="not a NanoScope file"):
             read_curves(tmp_path / name)
 
 

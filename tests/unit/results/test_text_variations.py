@@ -232,11 +232,11 @@ def test_what_is_missing_is_named():
     "columns, problem",
     [
         (["z=1", "weight=2"], "there is no role 'weight'"),
-        (["z=1", "2"], "only some columns have roles"),
+        (["z=1", "2"], "only some of the columns have the form ROLE=COLUMN"),
         (["z=1", "z=2"], "there are two columns of z"),
         (["z=1", "depth=1"], "no column of force"),
         (["z=1", "force=7"], "there is no column '7'"),
-        (["depth=2", "force=1"], "is in nN, which is no unit of depth"),
+        (["depth=2", "force=1"], "is in nN, which is not a unit of depth"),
     ],
 )
 def test_roles_that_cannot_be(columns, problem):

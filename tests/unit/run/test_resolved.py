@@ -10,7 +10,7 @@ import pytest
 from mesh_files import section, write
 
 from indent_sim.config.scene_file import config_from_mapping, to_mapping, to_yaml
-from indent_sim.process.errors import ConfigError
+from indent_sim.process.errors import ConfigError, UsageError
 from indent_sim.results.json_text import to_json
 from indent_sim.results.previous_run import previous_run
 from indent_sim.run.explicit_config import automatic_keys, explicit_config
@@ -116,3 +116,14 @@ def test_a_resume_blames_the_key_that_was_changed(contact: str, tmp_path: Path) 
             with pytest.raises(ConfigError, match="another config") as caught:
                 previous_run(tmp_path, here, ours)
             assert caught.value.key == change.split("=")[0], (change, caught.value)
+
+
+@pytest.mark.parametrize("text", ["", "3\n", "[1, 2]\n", "experiment: 3\n", "[]\n"])
+def test_a_damaged_config_is_another_one(text: str, tmp_path: Path) -> None:
+    """The config.yaml of an earlier run may hold anything, also no mapping."""
+    (tmp_path / "force_indentation.csv").write_text("step\n1\n")
+    (tmp_path / "config.yaml").write_text(text)
+    (tmp_path / "run.json").write_text(to_json({"program": "indent-sim"}))
+    config = config_from_mapping({name: part for name, part in PLAIN.items() if part})
+    with pytest.raises((ConfigError, UsageError)):
+        previous_run(tmp_path, to_yaml(explicit_config(config, resolve(config))), {})

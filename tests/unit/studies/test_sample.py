@@ -33,7 +33,7 @@ def points_of(study) -> np.ndarray:
 class TestSample:
     @pytest.mark.parametrize("method", ["sobol", "latin_hypercube"])
     def test_each_range_is_covered_evenly(self, method):
-        """Of 256 points of either method each 1/256 of a range has one."""
+        """Of 256 points of either method each 1/256 of its keys are one."""
         points = points_of(study_of(sample={"method": method, "count": 256, "seed": 4}))
         fractions = np.column_stack([np.log(points[:, 0]) / np.log(100), 5 * (points[:, 1] - 0.2)])
         for column in fractions.T:

@@ -194,7 +194,7 @@ def test_rows_are_read_back_as_they_were(tmp_path: Path) -> None:
             CIRCLE,
             r":10: cases\[0\].exact.case: circular reference: Hertz -> B -> C -> Hertz",
         ),
-        (PUBLISHED, "base: hertz.yaml\n", r":10: base: cannot be combined with cases"),
+        (PUBLISHED, "base: hertz.yaml\n", r":10: base: cannot be combined with `cases`"),
         (PUBLISHED, "    sett: {}\n", r":10: cases\[0\].sett: unknown key, did you mean 'set'"),
     ],
 )
