@@ -276,8 +276,8 @@ def config_obstacle(config: Config) -> str:
         ),
         (bool(config.body.inclusions), NO_INCLUSIONS),
         (
-            not config.indenter.is_axisymmetric,
-            f"theory needs an axisymmetric tip, but a {config.indenter.shape} is not axisymmetric",
+            not config.tip.is_axisymmetric,
+            f"theory needs an axisymmetric tip, but a {config.tip.shape} is not axisymmetric",
         ),
         (law.gap == "current", "theory evaluates the gap at the undeformed point"),
         (not isinstance(law, AutoContact), f"contact.method: {law.method} needs a mesh"),

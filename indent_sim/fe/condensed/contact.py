@@ -263,6 +263,17 @@ class CondensedContact:
             height = np.where(rests_on_flat[:, None], 0.0, height)
         return np.asarray(height - x[-1])
 
+    def moment(self) -> float:
+        """Return the moment of the nodal forces on the model domain [force length]."""
+        trace = self.compliance.trace
+        x = np.zeros((self.compliance.size, trace.dim - 1))
+        x[trace.nodes] = trace.X[..., :-1]
+        physics = self.scene.physics
+        center = physics.track.position(self.slide)
+        lever = physics.domain.kinematics.horizontal_position(x.T, center)
+        e, g = physics.moment_axis
+        return float(self.F @ (e * lever[0] + g * lever[1]))
+
     def _weighted_areas(self, trace: Trace, points: np.ndarray, weights: np.ndarray) -> np.ndarray:
         x = np.moveaxis(trace.positions(points), -1, 0)
         return (
