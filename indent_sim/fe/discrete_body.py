@@ -82,7 +82,7 @@ class Body:
             self._create_trace, (body_mesh.surfaces["top"], body_mesh.noncontact_facets)
         )
         self._create_tags()
-        self._constrain_all()
+        self._constrain_all_fields()
 
     def _create_time_level(self, function: fem.Function) -> TimeLevel:
         space = self.unknowns.space
@@ -202,7 +202,7 @@ class Body:
         X = space.tabulate_dof_coordinates()[:, : self.body_mesh.dim][nodes]
         return Trace(nodes, X, self.unknowns.displacement_dofs(nodes))
 
-    def _constrain_all(self) -> None:
+    def _constrain_all_fields(self) -> None:
         unknowns = self.unknowns
         body_mesh = self.body_mesh
         displacement = unknowns.subspace("u")

@@ -82,8 +82,8 @@ def _exclusive_cache(comm: MPI.Comm) -> Iterator[None]:
         if isinstance(error, RuntimeError) and "Failed just-in-time" not in str(error):
             raise
         raise BackendError(
-            f"kernels cannot be compiled: {' '.join(str(error).split())}; `indent-sim doctor` says "
-            "what is missing"
+            f"kernels cannot be compiled: {' '.join(str(error).split())}; `indent-sim doctor` "
+            "lists what is missing"
         ) from error
     except ImportError as error:
         raise BackendError(

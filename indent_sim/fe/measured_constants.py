@@ -39,22 +39,23 @@ EDGE_STEP_EXPONENT = 0.75
 # and nu from 0 to 0.5. Checked: tests/physics/test_surface_tension.py.
 EDGE_GAP_FRACTION = 0.01
 
-# Facets between an assessed facet and the edge of the contact or a slope discontinuity, by the
-# number of nodes of a facet; the nearest belong to its patch. With two facets in three dimensions,
-# a ball on a cube (three elements in the contact radius, no friction) would have the roughness
-# 0.08, because elements that the edge of the contact crosses spread the pressure. Checked:
-# tests/unit/fe/test_roughness.py.
+# Number of facets between an assessed facet and the edge of the contact or a slope discontinuity,
+# by the number of nodes of a facet. The nearest of them belong to the patch of the assessed facet.
+# With two facets in three dimensions, a ball on a cube (three elements in the contact radius, no
+# friction) would have the roughness 0.08, because elements that the edge of the contact crosses
+# spread the pressure. Checked: tests/unit/fe/test_roughness.py.
 RIM_RINGS = {3: 2, 6: 3}
-# Facets of the largest hole in the contact that counts as an oscillation, by the number of nodes of
-# a facet. Under a rounded punch with friction (depth 0.24 thicknesses, nu 0.49, two steps) two
-# neighbouring elements opened, and the force was 1.6 % too small. Checked:
-# tests/unit/fe/test_roughness.py.
+# Number of facets of the largest hole in the contact that counts as an oscillation, and not as a
+# true gap, by the number of nodes of a facet. Under a rounded punch with friction (depth 0.24
+# thicknesses, nu 0.49, two steps) two neighbouring elements opened by such an oscillation, and the
+# force was 1.6 % too small. Checked: tests/unit/fe/test_roughness.py.
 LARGEST_HOLE = {3: 4, 6: 12}
 
-# The punch that a mesh represents is larger than the radius of its last vertex, by this part [-] of
-# the element inside the edge: (value at nu = 0, decrease per nu), by formulation. Measured against
-# theory on half-spaces and layers: 0.111 at nu = 0 and 0.092 at 0.3 (displacement), 0.059 at 0.45
-# and 0.050 at 0.5 (mixed), to 0.004 each. Repeated by tests/physics/test_measured_constants.py.
+# The radius of the punch that a mesh represents exceeds the radius of its last vertex by this
+# fraction [-] of the element inside the edge: (value at nu = 0, decrease per nu), by formulation.
+# Measured against theory on half-spaces and layers: 0.111 at nu = 0 and 0.092 at 0.3
+# (displacement), 0.059 at 0.45 and 0.050 at 0.5 (mixed), to 0.004 each. Repeated by
+# tests/physics/test_measured_constants.py.
 RADIUS_SHIFT = {"displacement": (0.111, 0.063), "mixed": (0.140, 0.180)}
 
 # Longest increment of an adhesive tip, and the longest one in which it may snap in or off, in units
@@ -65,15 +66,15 @@ LONGEST_STEP_RANGES = 4.0
 SNAP_STEP_RANGES = 0.25
 
 # The force as a function of the depth oscillates slightly, as the edge of contact passes from
-# element to element. The amplitude relative to the largest tensile force [-] is RIPPLE_FACTOR over
-# the square of the number of elements in the cohesive zone or in the contact radius, whichever is
-# smaller, and at most LARGEST_RIPPLE. Measured as the largest deviation from a polynomial of degree
-# 6 over 60 rows around pull-off: factors of 0.002 to 0.02 with 0.7 to 11 elements at Maugis' lambda
-# 0.5 to 2.5. Repeated by tests/physics/test_pull_off.py.
-RIPPLE_FACTOR = 0.02
-LARGEST_RIPPLE = 0.008
-# The search for the pull-off need not be finer than this, relative [-] to the largest tensile
-# force: with 11 elements in the cohesive zone the force is known to 2e-4 (docs/verification.md).
+# element to element. The amplitude relative to the largest tensile force [-] is
+# FORCE_OSCILLATION_FACTOR over the square of the number of elements in the cohesive zone or in the
+# contact radius, whichever is smaller, and at most MAX_FORCE_OSCILLATION. Measured as the largest
+# deviation from a polynomial of degree 6 over 60 rows around pull-off: factors of 0.002 to 0.02
+# with 0.7 to 11 elements at Maugis' lambda 0.5 to 2.5. Repeated by tests/physics/test_pull_off.py.
+FORCE_OSCILLATION_FACTOR = 0.02
+MAX_FORCE_OSCILLATION = 0.008
+# Smallest tolerance of the search for the pull-off, relative [-] to the largest tensile force: with
+# 11 elements in the cohesive zone the force is known to 2e-4 (docs/verification.md).
 FINEST_TOLERANCE = 1e-4
 # Next to a fold the interval before the best point is divided only if it is more than this many
 # times [-] as long as the interval after it. With 1 a search takes a third more equilibria, with 8
@@ -96,6 +97,6 @@ MEMBRANE_STIFFNESS = 1e-3
 # preconditioner of the multiplier; 6 and 30 take more iterations. Checked:
 # tests/physics/test_iterative.py.
 SURFACE_STIFFNESS = 10.0
-# Right-hand sides that are solved at once [-]. MUMPS's default of 32 took a seventh longer. No test
-# repeats this: on a busy machine times scatter by more.
+# Number of right-hand sides that are solved at once. The default of MUMPS, 32, takes a seventh
+# longer. No test repeats this, because times scatter by more.
 BLOCK_SIZE = 128

@@ -173,11 +173,11 @@ class Problem:
         for term in self.terms:
             term.set_membrane_stiffness(stiffness)
 
-    def follow_modulus(self, modulus_ratio: float) -> None:
+    def scale_contact_stiffness(self, modulus_ratio: float) -> None:
         """Scale the contact stiffness by the ratio of the body's current to its initial modulus."""
         self._modulus_ratio = modulus_ratio
         for term in self.terms:
-            term.follow_modulus(modulus_ratio)
+            term.scale_contact_stiffness(modulus_ratio)
 
     def begin_solve(self) -> None:
         """Set the prescribed values and reset the data that terms record during a solve."""
@@ -259,7 +259,7 @@ class Problem:
             function.x.array[:] = values
         self.body.accept()
         self.begin_stage(Stage(0.0))
-        self.follow_modulus(state.modulus_ratio)
+        self.scale_contact_stiffness(state.modulus_ratio)
 
     def is_admissible(self) -> bool:
         """Return whether J > 0 and all limits of the elastic law hold at every quadrature point.

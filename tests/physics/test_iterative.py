@@ -344,7 +344,7 @@ def test_a_system_that_is_not_solved_is_no_step(monkeypatch: Any) -> None:
     """A path whose linear system is not solved ends with that reason, and has no such row."""
     from indent_sim.fe.solve import iterative
 
-    monkeypatch.setattr(iterative, "MOST_KRYLOV_ITERATIONS", 1)
+    monkeypatch.setattr(iterative, "MAX_KRYLOV_ITERATIONS", 1)
     state = list(pipeline.states(on("iterative", {})))[-1]
     assert not state.converged and "a linear system was not solved within" in state.reason
     assert "; solver.linear: direct may help" in state.reason

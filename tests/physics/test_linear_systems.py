@@ -219,7 +219,7 @@ def test_only_what_mumps_could_not_do_is_a_failed_step():
 
 @pytest.mark.parametrize("method", ["newton", "condensed"])
 def test_a_failed_uzawa_says_so(tmp_path, monkeypatch, method):
-    monkeypatch.setattr(uzawa, "MOST_ITERATIONS", 3)
+    monkeypatch.setattr(uzawa, "MAX_ITERATIONS", 3)
     monkeypatch.setattr(step_size_control, "SMALLEST_STEP_FRACTION", 0.5)
     contact = {"method": "uzawa", "epsilon_n": 0.01}
     with pytest.raises(

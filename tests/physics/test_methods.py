@@ -241,7 +241,7 @@ def test_stiffness_far_beyond_what_is_sensible(name: str, decade: int, solver: s
 
 def test_a_multiplier_that_does_not_settle_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     """Uzawa's iteration far below E*/h ends with a reason and without a number."""
-    monkeypatch.setattr(uzawa, "MOST_ITERATIONS", 15)
+    monkeypatch.setattr(uzawa, "MAX_ITERATIONS", 15)
     (state,) = pipeline.states(
         scene(CYLINDER, contact=method("uzawa", 1e-5), mesh={"h_contact": 0.05})
     )

@@ -10,7 +10,7 @@ import pytest
 from scenes import E_STAR, WALLED, meshed, scene, solve
 
 from indent_sim.fe import solver
-from indent_sim.fe.path.pull_off import force_ripple
+from indent_sim.fe.path.pull_off import force_oscillation
 from indent_sim.model.state import PullOff, State
 from indent_sim.theory.maugis import LAMBDA_PER_TABOR
 
@@ -78,7 +78,7 @@ def test_it_does_not_depend_on_the_number_of_rows(
     for rows, found in results:
         lowest = min(rows, key=lambda row: row.force)
         assert found and found.state.force <= lowest.force
-        assert found.error <= 3 * force_ripple(min(in_zone, lowest.a / h)) * abs(best)
+        assert found.error <= 3 * force_oscillation(min(in_zone, lowest.a / h)) * abs(best)
         assert found.equilibria <= 8
         assert_agree(found, results[0][1])  # type: ignore[arg-type]
     assert min(min(row.force for row in rows) / best for rows, _ in results) < 1 - missed
@@ -121,7 +121,7 @@ def test_waves_of_the_force_are_as_high_as_it_is_told() -> None:
             assert base.plan.adhesion
             elements = min(base.plan.adhesion.elements, lowest.a / h)
             heights.append(
-                np.abs(forces - smooth(depths)).max() / -lowest.force / force_ripple(elements)
+                np.abs(forces - smooth(depths)).max() / -lowest.force / force_oscillation(elements)
             )
     assert 2 / 3 < max(heights) < 1
 

@@ -39,7 +39,8 @@ def solve_complementarity(
         p[active_nodes] = np.linalg.solve(
             A[np.ix_(active_nodes, active_nodes)], -open_gap[active_nodes]
         )
-        if not np.isfinite(p).all():  # NaN would be treated as a node without pressure
+        # A node with NaN would be treated as a node without pressure.
+        if not np.isfinite(p).all():
             break
         next_active = np.where(active, p, -(open_gap + A @ p)) > 0
         if np.array_equal(next_active, active):

@@ -205,8 +205,8 @@ class Condenser:
                 f"the stiffness matrix of the body {reason}; larger elements where the mesh is "
                 "finest may help"
             )
-        # Dofs at which penetration outside the contact surface is checked; several ranks recover
-        # the whole body instead
+        # Dofs of the surface on which penetration outside the contact surface is checked. With
+        # several ranks this array is empty, and the whole body is recovered instead.
         surface_dofs = np.unique(
             np.concatenate([body.noncontact_trace.dofs.ravel(), self._trace.dofs.ravel()])
         )
@@ -374,7 +374,7 @@ class Condenser:
         C = np.zeros((n, n))
         pin_reactions = np.zeros(n)
         support_reactions = self._constrained_node_reactions(owned, signs, n)
-        # No more than 4 million displacements (32 MB) are kept.
+        # At most 4 million displacements (32 MB) are kept; with more, none.
         if len(self.observed_dofs) * n > 4_000_000:
             self.observed_dofs = self.observed_dofs[:0]
         displacements = np.zeros((len(self.observed_dofs), n))
@@ -483,7 +483,8 @@ class Condenser:
         reactions = _sum_over_ranks(
             comm, np.array([row @ solutions for row in (*self._support_rows, *self._pin_rows)])
         )
-        # Left to Python, the matrices of all blocks would stay until the end
+        # PETSc frees objects that Python collects only at the end, so that the matrices of all
+        # blocks would stay until then.
         X.destroy()
         supports, pins = np.split(reactions, [len(self.support_surfaces)])
         return (

@@ -37,10 +37,12 @@ from indent_sim.fe.solve.stiffness_continuation import stiffness_continuation
 from indent_sim.fe.surface import Trace
 from indent_sim.scene.scene import Scene
 
-MOST_CONTACT_ITERATIONS = 100
-# Difference of the forces on the tip and on the flat below, relative to their sum.
+# Largest number of Newton iterations with one stiffness of the contact law.
+MAX_CONTACT_ITERATIONS = 100
+# Largest difference of the forces on the tip and on the flat below, relative to their sum.
 BALANCE_TOLERANCE = 1e-10
-MOST_BALANCE_ITERATIONS = 50
+# Largest number of motions of the body that are tried until these forces are equal.
+MAX_BALANCE_ITERATIONS = 50
 
 
 class CondensedContact:
@@ -67,17 +69,19 @@ class CondensedContact:
         self.nodes = compliance.trace.nodes
         self.candidates = compliance.candidates
         self.iterations = iterations
-        self.failure = ""  # why the last solve did not converge
+        self.failure = ""  # Reason why the last solve did not converge.
         # Nodal forces (1 + horizontal axes, nodes): downwards and, with friction, along the axes
         self.forces: np.ndarray = np.zeros((1 + len(compliance.is_constrained), compliance.size))
         # Multiplier at the nodes of the whole surface [pressure]; nodal pressures of the active set
         # method
         self.lam: np.ndarray = np.zeros(1 + compliance.surface.nodes.max(initial=-1))
         self._mass_factor: SuperLU | None = None
-        self._recent_forces = [self.F]  # nodal forces of the last equilibria
+        # Vectors of the nodal forces of the last two equilibria.
+        self._recent_forces = [self.F]
         # Points that are in contact in the first iteration of the next solve
         self._predicted_active_set: np.ndarray | None = None
-        # Matrix entries of the last Newton step, and what they depend on
+        # Matrix entries of the last Newton step, and the facets and number of quadrature points for
+        # which they were computed.
         self._entries_key: tuple[bytes, int, bytes] | None = None
         self._entries: tuple[np.ndarray, ...] = ()
         self.friction = None if self.law.is_conservative else CondensedFriction(self)
@@ -155,7 +159,7 @@ class CondensedContact:
             # Both contacts begin with the intersections at half of the depth.
             self.motion = self.depth / 2
         previous = None
-        for _ in range(MOST_BALANCE_ITERATIONS):
+        for _ in range(MAX_BALANCE_ITERATIONS):
             if not algorithm(self):
                 return False
             imbalance = flat.imbalance(self.F)
@@ -353,7 +357,7 @@ class CondensedContact:
             if all(map(solve, factors)):
                 return True
         self.failure = (
-            f"no equilibrium was found within {MOST_CONTACT_ITERATIONS} iterations, or the active "
+            f"no equilibrium was found within {MAX_CONTACT_ITERATIONS} iterations, or the active "
             "sets of the contact recur"
         )
         return False
@@ -379,7 +383,7 @@ class CondensedContact:
         last_active = None
         visited = set()
         zero_force = self.zero_tolerance(lambda F: np.abs(F).max(initial=0.0))
-        for _ in range(MOST_CONTACT_ITERATIONS):
+        for _ in range(MAX_CONTACT_ITERATIONS):
             trial_pressure = (D @ F)[self.nodes] @ N.T + offset
             active = trial_pressure > 0
             load = self._nodal_load(trial_pressure, active)

@@ -32,8 +32,8 @@ from indent_sim.fe.solve.extrapolation import lagrange_weights, predict_trial_pr
 from indent_sim.scene.cost import MAX_CANDIDATES
 from indent_sim.scene.scene import Scene
 
-# Elements between the finely meshed part and the rim of the candidates, which the contact must not
-# reach
+# Number of elements between the finely meshed part and the rim of the candidate nodes, which the
+# contact must not reach.
 CANDIDATE_MARGIN = 1.0
 
 
@@ -77,7 +77,7 @@ class CondensedEquilibrium(Equilibrium):
         self.has_memory = scene.physics.contact.is_path_dependent
         self.condenser = condenser or Condenser(body)
         sides = zip(scene.physics.domain.extent[:-1], scene.sizes.axis, strict=False)
-        # 1.5 > sqrt(2) includes the corners of a box
+        # The factor 1.5 > sqrt(2) includes the corners of a box.
         self._largest_radius = 1.5 * max(
             abs(end - coordinate) for ends, coordinate in sides for end in ends
         )

@@ -189,7 +189,8 @@ class CondensedFriction:
                 contact.forces = load.reshape(-1, self._node_count)
                 return True
             is_repeated = (pattern := self._stick_slip_pattern(trial)) in visited[:-1]
-            # The iteration repeats itself, or has not reduced the residual in three iterations
+            # Stop: the states of stick and slip recur, or the last three iterations have not
+            # reduced the residual.
             if residual >= smallest_residual and (
                 is_repeated or residuals.index(smallest_residual) < len(residuals) - 3
             ):

@@ -63,7 +63,7 @@ class SoftTipCondenser:
         self.recover = body.recover
         scales = body.body.scene.physics.scales
         tip_scales = tip.body.scene.physics.scales
-        # Units of the tip's lengths and compliances in those of the body.
+        # The tip's units of length and of compliance, in units of the body.
         self._length_ratio = tip_scales.length / scales.length
         self._compliance_ratio = (scales.pressure * scales.length) / (
             tip_scales.pressure * tip_scales.length
@@ -94,7 +94,10 @@ class SoftTipCondenser:
         return self._compliance
 
     def _mortar_projection(self, body: Compliance, tip: Trace) -> np.ndarray:
-        """Return P (tip nodes, candidates of the body)."""
+        """Return the mortar projection P (tip nodes, candidates of the body).
+
+        P maps nodal forces on the body to the nodal forces on the tip.
+        """
         surface = body.surface
         tip_surface = body.tip_surface
         count = 1 + int(surface.nodes.max())

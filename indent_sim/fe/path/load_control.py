@@ -21,7 +21,8 @@ from collections.abc import Callable, Sequence
 # Relative error of the force that is accepted where no floating-point number lies between two
 # trial depths
 FORCE_SLACK = 1e-8
-MOST_TRIES = 60
+# Largest number of trial depths for a prescribed force.
+MAX_TRIES = 60
 
 ForceDepth = tuple[float, float]  # force [force], depth [length]
 
@@ -58,7 +59,7 @@ class LoadControl:
         self._slope = 0.0  # last slope of the curve; 0 if unknown
         self._touch_pull: float | None = None  # tension on an adhesive tip at delta = 0
 
-    def measure_touch_pull(self) -> None:
+    def measure_pull_at_contact(self) -> None:
         """Determine the tensile force on an adhesive tip at first contact, delta = 0."""
         self._touch_pull = max(-self._go_to_depth(0.0)[0], 0.0)
         self._curve = []
@@ -89,7 +90,7 @@ class LoadControl:
         longest_step = math.inf
         slope = self._slope or slope
         pull = self._touch_pull or 0.0
-        for _ in range(MOST_TRIES):
+        for _ in range(MAX_TRIES):
             reached_force, reached_depth = self._go_to_depth(delta)
             if reached_depth != delta:  # the trial depth was not reached
                 self.failure = ""
@@ -116,15 +117,16 @@ class LoadControl:
             ):
                 slope = self._slope = force_change / depth_change
             elif not reached_force:
-                slope /= 2  # without contact, the body may be further away
+                # Without contact the depth of first contact is unknown: a longer step is allowed.
+                slope /= 2
             # A step is at most four times the one before: the slope at first contact says little
-            # about the rest of the curve
+            # about the rest of the curve.
             step = min(max((force - reached_force) / slope, -longest_step), longest_step)
             delta = reached_depth + step
             longest_step = 4.0 * abs(step)
             if not lower < delta < upper:
                 delta = (lower + upper) / 2
-        self.failure = f"{MOST_TRIES} trial depths did not reach this force"
+        self.failure = f"{MAX_TRIES} trial depths did not reach this force"
         return False
 
     def add_curve_point(self, force: float, delta: float) -> None:
@@ -164,9 +166,10 @@ class LoadControl:
         curve_points = self._neighbour_points(force)
         tried_points = list[ForceDepth]()
         delta = min(predict_depth(force, curve_points) or expected, self._deepest)
-        for _ in range(MOST_TRIES):
+        for _ in range(MAX_TRIES):
             reached_force, reached_depth = self._go_to_depth(delta)
-            reached_force += self._touch_pull or 0.0  # counted from the beginning of the curve
+            # The force is counted from its value at first contact, where the curve begins.
+            reached_force += self._touch_pull or 0.0
             tried_points.append((reached_force, reached_depth))
             if abs(reached_force - force) <= self.tolerance * force:
                 self.add_curve_point(reached_force, reached_depth)
@@ -179,12 +182,12 @@ class LoadControl:
                 _next_depth(force, [*curve_points, *tried_points], lower, upper, len(tried_points)),
                 self._deepest,
             )
-        self.failure = f"{MOST_TRIES} trial depths did not reach this force"
+        self.failure = f"{MAX_TRIES} trial depths did not reach this force"
         return False
 
     def _neighbour_points(self, force: float) -> list[ForceDepth]:
         index = bisect_left(self._curve, (force, 0.0))
-        # Points of the curve on each side of a force that are used.
+        # Number of points of the curve on each side of a force from which its depth is predicted.
         neighbour_count = 3
         return self._curve[max(0, index - neighbour_count) : index + neighbour_count]
 
@@ -193,7 +196,8 @@ class LoadControl:
     ) -> bool:
         """Return whether no further trial depth can succeed.
 
-        The reason is stored in `failure`; "" if an equilibrium was not found.
+        `failure` then contains the reason. It is empty if a trial depth has no equilibrium: the
+        equilibrium has its own reason.
         """
         reached_force, reached_depth = last_point
         is_blocked_out = (

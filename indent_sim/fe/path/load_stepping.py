@@ -28,7 +28,7 @@ from indent_sim.fe.path.pull_off import (
     PullPoint,
     UnloadingBranch,
     find_largest_pull,
-    force_ripple,
+    force_oscillation,
 )
 from indent_sim.fe.path.step_size_control import StepSizeControl
 from indent_sim.fe.postprocessing.contact_sample import smallest_gap
@@ -36,8 +36,8 @@ from indent_sim.fe.postprocessing.surface_table import surface_table
 from indent_sim.model.load_path import LoadPath
 from indent_sim.model.state import PullOff, State
 
-# A time step in which the depth of a prescribed force is not found is halved at most so often.
-MOST_HALVINGS = 4
+# Largest number of halvings of a time step in which the depth of a prescribed force is not found.
+MAX_HALVINGS = 4
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ class EquilibriumPoint:
         return self.load_point.delta
 
 
-# Depth [length], time and the arrays of a state, as in a checkpoint
+# A state as in a checkpoint: depth [length], time, and arrays of unknowns.
 PackedState = tuple[float, float, Sequence[np.ndarray]]
 
 
@@ -76,7 +76,8 @@ class LoadStepper:
         self.equilibrium = equilibrium
         physics = equilibrium.scene.physics
         self._has_memory = equilibrium.has_memory
-        self._adhesion_range = physics.contact.adhesion_range  # 0 without adhesion
+        # Range of the attraction [length]; 0 without adhesion.
+        self._adhesion_range = physics.contact.adhesion_range
         self.started = time.perf_counter() if started is None else started
         # An adhesive tip starts at 12 ranges above the body, where the attraction is 6e-6 of that
         # at first contact. `0.0 -` avoids -0.0.
@@ -252,7 +253,7 @@ class LoadStepper:
         earlier_points = self._points
         substeps = self._step_to(load_point)
         if self.equilibrium.scene.physics.path.control == "force":
-            self._points = self._drop_tried_points(earlier_points)
+            self._points = self._points_after_search(earlier_points)
         if substeps:
             self._record_unloading_point()
         return substeps
@@ -295,7 +296,7 @@ class LoadStepper:
     def _record_unloading_point(self) -> None:
         """Record the present load point for the pull-off search, if one is requested."""
         if self._unloading is not None:
-            self._unloading = self._unloading.with_point(self._pull_point(self._last_point))
+            self._unloading = self._unloading.add_point(self._pull_point(self._last_point))
 
     def find_pull_off(self) -> PullOff | None:
         """Search for the smallest force during unloading, around the row with the smallest force.
@@ -331,20 +332,20 @@ class LoadStepper:
             self._points = self._row_points
             self._pending_point = None
             self.restore_last()
-        ripple_height = 2 * self._force_ripple(largest.point) * abs(state.force)
-        return PullOff(state, largest.error + ripple_height, largest.equilibria)
+        oscillation = 2 * self._force_oscillation(largest.point) * abs(state.force)
+        return PullOff(state, largest.error + oscillation, largest.equilibria)
 
     def _pull_off_tolerance(self, point: PullPoint) -> float:
         """Return the tolerance of the pull-off search, relative to the force."""
-        return max(self._force_ripple(point), FINEST_TOLERANCE)
+        return max(self._force_oscillation(point), FINEST_TOLERANCE)
 
-    def _force_ripple(self, point: PullPoint) -> float:
+    def _force_oscillation(self, point: PullPoint) -> float:
         """Return the relative amplitude of the mesh-induced oscillation of the force."""
         scene = self.equilibrium.scene
         assert scene.plan.adhesion is not None
         elements_in_zone = scene.plan.adhesion.elements
         elements_in_contact = max(point.a / scene.sizes.h_contact, 1.0)
-        return force_ripple(
+        return force_oscillation(
             min(elements_in_zone, elements_in_contact) if point.is_touching else elements_in_zone
         )
 
@@ -359,7 +360,9 @@ class LoadStepper:
             return PullPoint(delta, load_point.t, inf, a=0.0)
         return self._pull_point(self._last_point)
 
-    def _drop_tried_points(self, earlier_points: list[EquilibriumPoint]) -> list[EquilibriumPoint]:
+    def _points_after_search(
+        self, earlier_points: list[EquilibriumPoint]
+    ) -> list[EquilibriumPoint]:
         """Return the equilibria from which the increment after a prescribed force is extrapolated.
 
         The trial depths of the search are too close together for an extrapolation. The two
@@ -378,7 +381,7 @@ class LoadStepper:
         """Reason why the last prescribed depth or force was not reached."""
         return (
             self._load_control.failure
-            or f"{self.equilibrium.failure}, also after all cutbacks of the increment"
+            or f"{self.equilibrium.failure}, even after all cutbacks of the increment"
         )
 
     def states(
@@ -405,7 +408,7 @@ class LoadStepper:
             self._load_control.tolerance = body.tighten_tolerance()
             if self._adhesion_range:
                 self._search_points = self._points
-                self._load_control.measure_touch_pull()
+                self._load_control.measure_pull_at_contact()
         for step, value in enumerate(path.values[done:], start=done + 1):
             statistics_before = body.statistics
             substeps = 0
@@ -435,7 +438,7 @@ class LoadStepper:
             }
             surface = surface_table(body.observed_body) if wants_surface(step) else None
             if path.control == "force":
-                self._points = self._drop_tried_points(self._search_points)
+                self._points = self._points_after_search(self._search_points)
             dissipated = self._last_point.dissipation - self._row_point.dissipation
             self._row_points = self._points
             self._record_unloading_point()
@@ -457,7 +460,7 @@ class LoadStepper:
         force: float,
         t: float,
         step: int,
-        halvings: int = MOST_HALVINGS,
+        halvings: int = MAX_HALVINGS,
         slide: float = 0.0,
     ) -> int:
         """Find the equilibrium at a force and a time; return the increments made, 0 on failure.
@@ -492,7 +495,7 @@ class LoadStepper:
         self._search_time = t
         self._search_slide = slide
         if force == 0 and physics.is_time_dependent and not self._adhesion_range:
-            return self._substeps - substeps if self._step_to_touch() else 0
+            return self._substeps - substeps if self._find_first_contact() else 0
         # A tip that slides is on another curve of force and depth at every row
         is_same_curve = slide == self._last_point.load_point.slide and not (
             physics.is_time_dependent and t > 0
@@ -512,7 +515,7 @@ class LoadStepper:
                 break
         return self._substeps - substeps
 
-    def _step_to_touch(self) -> bool:
+    def _find_first_contact(self) -> bool:
         """Find the depth at which the tip just touches a body that changes in time; True if found.
 
         The tip is lifted clear of the body for the time step, and the remaining gap is then
@@ -520,8 +523,8 @@ class LoadStepper:
         """
         height = self.equilibrium.scene.physics.body.height
         depth_before = self._search_points[-1].delta
-        # A tip that is lifted to measure its gap is far enough away if the body rises by less than
-        # one fifth of the lift.
+        # The tip is lifted to measure its gap. The lift is large enough if the body then rises by
+        # less than a fifth of it.
         clearance_factor = 5.0
         lift = max(clearance_factor * self._last_rise, 1e-3 * height)
         for _ in range(12):
@@ -691,7 +694,8 @@ class LoadStepper:
             return False
         speed = (load_point.delta - last_load_point.delta) / dt
         speed_before = (last_load_point.delta - point_before.delta) / elapsed
-        return abs(speed - speed_before) <= 1e-6 * abs(speed)  # but for round-off
+        # The speeds are equal up to round-off.
+        return abs(speed - speed_before) <= 1e-6 * abs(speed)
 
     @property
     def _is_touching(self) -> bool:

@@ -5,8 +5,9 @@ smoothly, as in JKR's theory, or the tip snaps off first and the force jumps tow
 cases are bracketed by three load points, the middle one having the smallest force.
 
 A smooth minimum is found by successive parabolic interpolation (Brent 1973, Algorithms for
-Minimization without Derivatives, chapter 5). A snap-off is found by bisection: it is a fold of the
-equilibrium path, near which the force varies as the square root of the distance from the fold.
+Minimization without Derivatives, chapter 5). A snap-off is found by bisection: it is a fold
+(limit point) of the equilibrium path, near which the force varies as the square root of the
+distance from the fold.
 """
 
 from __future__ import annotations
@@ -16,10 +17,15 @@ from dataclasses import dataclass, replace
 from math import inf, isfinite, sqrt
 from typing import Any
 
-from indent_sim.fe.measured_constants import FOLD_LENGTH_RATIO, LARGEST_RIPPLE, RIPPLE_FACTOR
+from indent_sim.fe.measured_constants import (
+    FOLD_LENGTH_RATIO,
+    FORCE_OSCILLATION_FACTOR,
+    MAX_FORCE_OSCILLATION,
+)
 from indent_sim.process.errors import NotConverged
 
-MOST_EQUILIBRIA = 24  # limit of a search; a smooth minimum takes one to eight
+# Largest number of equilibria of a search; a smooth minimum takes one to eight.
+MAX_EQUILIBRIA = 24
 
 
 @dataclass(frozen=True)
@@ -71,7 +77,7 @@ class UnloadingBranch:
     lowest: PullPoint | None = None
     after: PullPoint | None = None
 
-    def with_point(self, point: PullPoint) -> UnloadingBranch:
+    def add_point(self, point: PullPoint) -> UnloadingBranch:
         """Return the branch updated by the next load point of the path."""
         last = self.last
         point = replace(point, number=last.number + 1 if last else 1)
@@ -122,7 +128,7 @@ class UnloadingBranch:
         return cls(last, before, lowest, after[0] if after else None)
 
 
-def force_ripple(elements: float) -> float:
+def force_oscillation(elements: float) -> float:
     """Return the amplitude of the mesh-induced oscillation of the force, relative to the pull-off.
 
     Parameters
@@ -130,7 +136,7 @@ def force_ripple(elements: float) -> float:
     elements
         Number of elements in the cohesive zone or in the contact radius, whichever is smaller.
     """
-    return min(RIPPLE_FACTOR / elements**2, LARGEST_RIPPLE)
+    return min(FORCE_OSCILLATION_FACTOR / elements**2, MAX_FORCE_OSCILLATION)
 
 
 @dataclass(frozen=True)
@@ -184,7 +190,7 @@ def find_largest_pull(
     error = inf
     equilibria = 0
     widths = [inf, inf]
-    while equilibria < MOST_EQUILIBRIA and error > tolerance(search.best) * abs(search.best.force):
+    while equilibria < MAX_EQUILIBRIA and error > tolerance(search.best) * abs(search.best.force):
         parabola = search.parabola
         is_slow = search.width > widths[-2] / 2
         widths = [widths[-1], search.width]

@@ -10,13 +10,14 @@ from math import ceil, inf, isfinite
 # Shortest increment relative to the distance to the target: an increment of this length fails for
 # another reason than its length
 SMALLEST_STEP_FRACTION = 2.0**-10
-MOST_FAILURES = 10  # failed increments without two successes in a row between them
-# Newton iterations in failed increments to one target; the costliest row that was found, of an
-# adhesive tip, had 425
-MOST_FAILED_ITERATIONS = 600
-# The same for a surface that slides around the edge of a punch: a part for the target, and one for
-# each increment of the largest length. The part of the target is spent on a sharp edge, at which no
-# increment helps, the other on rows of many increments.
+# Largest number of failed increments between which there are no two successes in a row.
+MAX_FAILURES = 10
+# Largest number of Newton iterations in the failed increments to one target. The most expensive row
+# that was found, under an adhesive tip, had 425.
+MAX_FAILED_ITERATIONS = 600
+# The same for a surface that slides around the edge of a punch: a number for the target, and one
+# for each increment of the largest length. The first bounds the effort at a sharp edge, where no
+# shorter increment helps; the second allows for rows of many increments.
 FAILED_ITERATIONS_PER_TARGET = 150
 FAILED_ITERATIONS_PER_STEP = 30
 
@@ -57,7 +58,7 @@ class StepSizeControl:
         self._failures = 0  # without two successes in a row between them
         self._successes = 0  # consecutive, with the present step limit
         self._failed_iterations = 0  # since the last target was reached
-        self._most_failed_iterations = MOST_FAILED_ITERATIONS
+        self._most_failed_iterations = MAX_FAILED_ITERATIONS
 
     def begin_target(self, distance: float) -> None:
         """Begin the increments to a target at this distance."""
@@ -78,7 +79,7 @@ class StepSizeControl:
         the end of the increment equals its beginning in floating point.
         """
         if (
-            self._failures >= MOST_FAILURES
+            self._failures >= MAX_FAILURES
             or self._failed_iterations >= self._most_failed_iterations
             or self.step_limit <= self._smallest_step / 2
         ):

@@ -105,8 +105,8 @@ def whole_face_area(body: ObservedBody, X: np.ndarray, trial_pressure: np.ndarra
     tip = physics.indenter
     position = horizontal_position(components_first(X), body.tip_center)
     distance = np.hypot(*tip.on_face(*position))
-    # Relative distance from a tip's sharp edge within which a point of the mesh lies on it:
-    # coordinates are rounded to 12 digits.
+    # Relative distance from a tip's sharp edge within which a point of the mesh counts as lying on
+    # it, since coordinates are rounded to 12 digits.
     edge_tolerance = 1e-9
     is_below = distance <= radius * (1 + edge_tolerance)
     is_face = is_below.all(axis=1)
@@ -200,8 +200,10 @@ def _positive_area(corners: np.ndarray, trial_pressure: np.ndarray) -> float:
     area = np.abs(_signed_area(corners))
     a, b, c = np.moveaxis(np.sort(trial_pressure, axis=-1), -1, 0)
     with np.errstate(divide="ignore", invalid="ignore"):
-        corner_fraction = c * c / ((c - a) * (c - b))  # if one corner is in contact
-        cut_fraction = 1 - a * a / ((a - b) * (a - c))  # if one corner is not
+        # Fraction of the area in contact if exactly one corner is in contact.
+        corner_fraction = c * c / ((c - a) * (c - b))
+        # The same if exactly one corner is not in contact.
+        cut_fraction = 1 - a * a / ((a - b) * (a - c))
     fraction = np.where(
         a > 0, 1.0, np.where(c <= 0, 0.0, np.where(b > 0, cut_fraction, corner_fraction))
     )
@@ -317,7 +319,8 @@ def contact_area_within_step(
     distance = np.hypot(*kinematics.horizontal_position(components_first(X), body.tip_center))
     # Elsewhere the pressure of a tip that is not round may be lower than at the edge.
     is_near_edge = distance > kinematics.contact_radius(size) - body.trace.facet_sizes[:, None]
-    # A second iteration changes the radius by up to 0.05 elements, a third one by 0.01.
+    # The second iteration changes the radius by up to 0.05 elements; a third would change it by
+    # 0.01.
     for _ in range(2):
         threshold = EDGE_STEP_FRACTION * edge_pressure_step(body, size, force)
         if threshold > 0:

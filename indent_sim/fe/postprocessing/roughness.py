@@ -189,7 +189,7 @@ def _fill_holes(
     nearest_distance = distance.min(axis=1)
     if not (nearest_distance[is_open] < nearest_distance[is_inner].max(initial=0.0)).any():
         return is_inner
-    # Imported here because few contacts have open facets inside
+    # Imported here, because this is needed only if the contact has open facets inside.
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 

@@ -242,7 +242,9 @@ class BodyEquilibrium:
         """Scale the contact stiffness by the present modulus of the material under the tip."""
         strain_energy = self.bulk_terms.strain_energies[0]
         strain_energy.predict_modulus(self.problem.body.accepted_depth, depth)
-        self.problem.follow_modulus(strain_energy.E_star / self.scene.physics.material.E_star)
+        self.problem.scale_contact_stiffness(
+            strain_energy.E_star / self.scene.physics.material.E_star
+        )
 
     def _impossibility(self) -> str:
         """Return the reason why a converged solution is rejected; "" if it is admissible."""

@@ -19,7 +19,7 @@ from indent_sim.fe.problem import Problem
 from indent_sim.fe.solve.blocks import DisplacementStiffness, FieldBlocks
 from indent_sim.fe.solve.multigrid import Multigrid
 
-MOST_KRYLOV_ITERATIONS = 200  # limit for one system
+MAX_KRYLOV_ITERATIONS = 200  # limit for one system
 # Largest relative tolerance of a system; with a smaller one Newton's method takes no fewer steps
 INEXACT_REDUCTION = 1e-2
 
@@ -105,7 +105,7 @@ class Iterative:
     def apply(self, residual: PETSc.Vec, step: PETSc.Vec) -> None:
         """Solve for a Newton step, which is zero at constrained and unused dofs."""
         self._load_residual(residual)
-        self._ksp.setTolerances(rtol=self.rtol, atol=0.0, max_it=MOST_KRYLOV_ITERATIONS)
+        self._ksp.setTolerances(rtol=self.rtol, atol=0.0, max_it=MAX_KRYLOV_ITERATIONS)
         self._solve()
         if self.has_failed and self._solve_count > 1:
             self._rebuild_preconditioner()

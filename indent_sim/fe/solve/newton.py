@@ -17,7 +17,7 @@ from petsc4py import PETSc
 from indent_sim.fe import compat
 from indent_sim.fe.problem import Problem
 from indent_sim.fe.solve.blocks import use_direct_solver
-from indent_sim.fe.solve.iterative import INEXACT_REDUCTION, MOST_KRYLOV_ITERATIONS, Iterative
+from indent_sim.fe.solve.iterative import INEXACT_REDUCTION, MAX_KRYLOV_ITERATIONS, Iterative
 from indent_sim.fe.solve.petsc_options import default_options
 from indent_sim.fe.solve.stiffness_continuation import approach_factors, stiffness_continuation
 from indent_sim.fe.terms.contact.multiplier import stiffness_scale
@@ -452,7 +452,7 @@ class Newton:
         reason = self.snes.getConvergedReason()
         if self._iterative and self._iterative.has_failed:
             return (
-                f"a linear system was not solved within {MOST_KRYLOV_ITERATIONS} Krylov iterations"
+                f"a linear system was not solved within {MAX_KRYLOV_ITERATIONS} Krylov iterations"
             )
         if not np.isfinite(self._residual):
             return "the residual is not a number"

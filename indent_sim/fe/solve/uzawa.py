@@ -16,7 +16,7 @@ from mpi4py import MPI
 
 from indent_sim.scene.scene import Scene
 
-MOST_ITERATIONS = 500
+MAX_ITERATIONS = 500
 
 
 class Mixing:
@@ -89,7 +89,7 @@ def iterate(
     # Relative residual of the first solve, and of all others at most.
     first_tolerance = 0.1
     rtol = first_tolerance
-    for _ in range(MOST_ITERATIONS):
+    for _ in range(MAX_ITERATIONS):
         if not solve(rtol):
             return False
         change = update(mixing)

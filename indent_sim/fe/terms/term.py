@@ -64,7 +64,7 @@ class Term:
     has_membrane = False
     has_flow = False
     tangent_version = 0
-    # Factors of the contact stiffness, see `set_continuation_factor` and `follow_modulus`
+    # Factors of the contact stiffness, see `set_continuation_factor` and `scale_contact_stiffness`
     _continuation_factor = 1.0
     _modulus_ratio = 1.0
 
@@ -103,7 +103,7 @@ class Term:
     def set_membrane_stiffness(self, stiffness: float) -> None:
         """Set the shear modulus of a drop's surface membrane, divided by the surface tension."""
 
-    def follow_modulus(self, modulus_ratio: float) -> None:
+    def scale_contact_stiffness(self, modulus_ratio: float) -> None:
         """Scale the contact stiffness with the modulus of the body.
 
         Parameters

@@ -118,7 +118,7 @@ def test_a_curve_that_begins_with_a_pull_is_searched_from_there() -> None:
         return -2.0 + delta**0.5, delta
 
     control = LoadControl(reach, 100.0)
-    control.measure_touch_pull()
+    control.measure_pull_at_contact()
     assert control.find_depth(0.0, 1.0) and reached[-1] == pytest.approx(4.0, rel=1e-9)
 
 

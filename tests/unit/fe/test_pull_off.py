@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from indent_sim.fe.path.pull_off import (
-    MOST_EQUILIBRIA,
+    MAX_EQUILIBRIA,
     LargestPull,
     PullPoint,
     UnloadingBranch,
@@ -62,7 +62,7 @@ def way_out(curve: Curve, depths: Sequence[float]) -> UnloadingBranch:
     """Unloading branch of rows at some depths."""
     way = UnloadingBranch()
     for delta in depths:
-        way = way.with_point(at(curve, float(delta)))
+        way = way.add_point(at(curve, float(delta)))
     return way
 
 
@@ -109,7 +109,7 @@ def test_a_tip_that_lets_go_while_it_is_pulled_harder(spacing: float, curved: fl
         )
         assert 0 <= found.point.force + 1.0 <= found.error
         assert found.error < 0.02
-        assert found.equilibria <= MOST_EQUILIBRIA
+        assert found.equilibria <= MAX_EQUILIBRIA
 
 
 def test_a_minimum_in_front_of_a_fold_is_not_passed_over() -> None:
@@ -205,7 +205,7 @@ def test_the_largest_pull_of_the_ways_out_needs_rows_on_both_sides(
 ) -> None:
     way = UnloadingBranch()
     for delta, force in rows:
-        way = way.with_point(PullPoint(delta, 0.0, force, a=1.0))
+        way = way.add_point(PullPoint(delta, 0.0, force, a=1.0))
     bracket = way.bracket
     assert (bracket and tuple(place.delta for place in bracket)) == expected
 
@@ -226,7 +226,7 @@ def test_what_is_kept_goes_on_as_before(stopped: int) -> None:
 
     def after(way: UnloadingBranch, rows: Sequence[PullPoint]) -> UnloadingBranch:
         for row in rows:
-            way = way.with_point(row)
+            way = way.add_point(row)
         return way
 
     before = after(UnloadingBranch(), pulls[:stopped])

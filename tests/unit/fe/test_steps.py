@@ -16,8 +16,8 @@ from indent_sim.fe.path.solver_statistics import SolverStatistics
 from indent_sim.fe.path.step_size_control import (
     FAILED_ITERATIONS_PER_STEP,
     FAILED_ITERATIONS_PER_TARGET,
-    MOST_FAILED_ITERATIONS,
-    MOST_FAILURES,
+    MAX_FAILED_ITERATIONS,
+    MAX_FAILURES,
     StepSizeControl,
 )
 from indent_sim.model.load_path import LoadPath
@@ -84,7 +84,7 @@ def test_a_target_is_given_up_after_many_failures_and_not_by_chance_of_its_size(
         while rule.next_target(0.0, distance) is not None:
             rule.record_failure()
             failures += 1
-        assert failures == MOST_FAILURES
+        assert failures == MAX_FAILURES
 
 
 @given(tries=st.lists(st.tuples(st.integers(0, 300), st.booleans()), max_size=20))
@@ -95,7 +95,7 @@ def test_iterations_lost_on_the_way_to_a_target_are_bounded(tries: list[tuple[in
     for cost, found in tries:
         if (goal := rule.next_target(at, 1.0)) is None:
             break
-        assert lost < MOST_FAILED_ITERATIONS
+        assert lost < MAX_FAILED_ITERATIONS
         if found:
             at = min(goal, 0.999)
             rule.record_success()

@@ -33,7 +33,7 @@ from indent_sim.scene.scene import Scene
 
 # Number of active sets that may recur before the nodes change one by one; a nonlinear body may
 # return to a set once without cycling
-MOST_RETURNS = 2
+MAX_RETURNS = 2
 
 
 def fields(scene: Scene) -> list[Field]:
@@ -194,7 +194,7 @@ class NodalContact(Term):
 
         Changing only the node with the smallest number prevents cycling (Murty 1974).
         """
-        if self._return_count < MOST_RETURNS or self._last_active_set is None:
+        if self._return_count < MAX_RETURNS or self._last_active_set is None:
             return proposed
         changed = self._node_numbers[proposed != self._last_active_set]
         first_changed = self.body.comm.allreduce(
