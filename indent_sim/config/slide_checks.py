@@ -41,7 +41,7 @@ def _obstacles(config: SceneSections) -> Iterator[tuple[bool, str, str]]:
     body = config.body
     yield (
         loading.prescribed_history is not None,
-        "follows the last depth or force, but the scene has a history in time",
+        "follows the last of the prescribed depths or forces, but the scene has a history in time",
         "give loading.delta, deltas, force or forces in place of the history",
     )
     yield (
@@ -57,7 +57,7 @@ def _obstacles(config: SceneSections) -> Iterator[tuple[bool, str, str]]:
     yield (
         getattr(config.indenter, "material", None) is not None,
         "does not fit a soft tip, whose model is axisymmetric",
-        "leave indenter.material out",
+        "leave indenter.material or loading.slide out",
     )
     yield (
         config.experiment is not None,
@@ -71,7 +71,8 @@ def _obstacles(config: SceneSections) -> Iterator[tuple[bool, str, str]]:
     )
     yield (
         isinstance(config.contact, ActiveSet),
-        "is not possible with contact.method: active_set, whose gaps are those of one position",
+        "is not possible with contact.method: active_set, whose gaps are those of one position of "
+        "the tip",
         "use contact.method: auto",
     )
     yield (

@@ -34,8 +34,8 @@ from indent_sim.scene.path_rows import PathRow, path_rows
 from indent_sim.scene.problem_definition import ProblemDefinition, is_undrained_incompressible
 from indent_sim.scene.problem_setup import ProblemSetup
 
-# Rows with a smaller depth or force, relative to the largest one, are not considered for the error
-# by boundary layers.
+# Smallest depth or force of a row, relative to the largest one, for which the error by boundary
+# layers is considered.
 MIN_VALUE_FRACTION = 0.05
 
 
@@ -96,7 +96,7 @@ def force_fraction_per_length(setup: ProblemSetup) -> float | None:
     physics = setup.physics
     delta = setup.max_depth
     theory = setup.theory_for_materials(undrained_law)
-    # Ratio of the two depths of a difference quotient.
+    # Ratio of the two depths from which the difference quotient is formed.
     depth_ratio = 0.9
     solutions = theory.solutions_at_depths([depth_ratio * delta, delta]) if theory else None
     # Mean square of the pressure below a paraboloid over the square of its mean.

@@ -216,7 +216,8 @@ def mesh(
     contact = ("h_contact", f"{contact_reason}; {elements_text}")
     axis = (
         "h_axis",
-        "sizes grow from this value at the axis to h_contact at the edge of the deepest contact",
+        "element sizes grow from this value at the axis to h_contact at the edge of the deepest "
+        "contact",
     )
     reasons = (
         contact,
@@ -226,8 +227,8 @@ def mesh(
         ("h_edge", "the pressure is singular at the sharp edge of the punch"),
         (
             "h_corner",
-            "bonded corners, or a narrow gap between contact and side, affect the contact: sizes "
-            "grow with the distance from there",
+            "bonded corners, or a narrow gap between contact and side, affect the contact: element "
+            "sizes grow with the distance from them",
         ),
         (
             "h_film",
@@ -242,7 +243,8 @@ def mesh(
         why = (
             "as given"
             if settings.h_inclusions
-            else "from the effect of each inclusion on the force; sizes grow with the distance"
+            else "from the effect of each inclusion on the force; element sizes grow with the "
+            "distance from it"
         )
         choices.append(Choice("mesh.h_inclusions", sizes_text, why))
     if sizes.coatings:

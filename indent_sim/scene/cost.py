@@ -23,8 +23,8 @@ from indent_sim.scene.measured_constants import (
 )
 from indent_sim.scene.mesh_counts import candidate_count, mesh_counts
 
-# Largest number of candidate nodes of a condensed body; with more, its dense matrices need
-# gigabytes.
+# Largest number of candidate nodes of a condensed body; with more nodes its dense
+# matrices would need gigabytes.
 MAX_CANDIDATES = 5000
 # Memory of the dense matrices of a condensed body per pair of candidates [bytes]: eight matrices.
 DENSE_BYTES = 64.0
@@ -53,7 +53,7 @@ class SolverWork:
     is_time_dependent : bool
         True if the body is time-dependent at finite strain.
     holding_steps : int
-        Number of further steps of a linear body in which the tip stands still.
+        Number of further steps of a linear body in which the tip is at rest.
     least_solves : float
         Number of linear solves that the path takes at least, however few its steps are.
     """
@@ -75,8 +75,8 @@ class SolverWork:
 
         A fine path needs few solves per step, but more at its beginning.
         """
-        # Linear solves of a jump into or out of adhesive contact: 25 to 150, the largest numbers at
-        # large Maugis parameters.
+        # Number of linear solves of a snap into or out of adhesive contact. 25 to 150 were
+        # observed, most at large Maugis parameters.
         snap_solves = 100.0
         solves = (4.0 if self.is_nonlinear else 1.5) * self.steps + 10.0 + snap_solves * self.snaps
         return max(solves, self.least_solves)
@@ -132,9 +132,10 @@ def _iterative_cost(work: SolverWork, dofs: float) -> tuple[float, float]:
 
 def _newton_cost(dim: int, work: SolverWork, dofs: float) -> tuple[float, float]:
     """Return memory [bytes] and time [s] of all Newton iterations, each with a factorisation."""
-    # Linear solves of a step in which the tip stands still.
+    # Number of linear solves of a step in which the tip is at rest.
     hold_solves = 1.2
-    # While the tip stands still no contact is new, and most steps use the last factorisation.
+    # While the tip is at rest no points come into contact, and most steps reuse the last
+    # factorisation.
     holding_seconds = hold_solves * work.holding_steps * 3.5e-3 * (dofs / 1750) ** 1.2
     if dim == 2:
         memory = 6e3 * dofs

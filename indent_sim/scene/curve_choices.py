@@ -113,7 +113,8 @@ def _refuse_curve(config: Config, setup: ProblemSetup, solver: Choice, key: str)
         raise ConfigError(
             key,
             problem,
-            "set solver.method to condensed or theory; the message then names the obstacle",
+            "set solver.method to condensed or theory; if that is not possible, its message names "
+            "the reason",
         )
     if setup.jkr_limit and physics.domain.kinematics.name != "axisymmetric":
         problem = (

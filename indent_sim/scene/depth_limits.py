@@ -78,7 +78,7 @@ def expected_depths(
     """
     if path.control == "depth":
         return path.values
-    # Prescribed forces are expected to reach at most this part of the thickness.
+    # Largest depth that prescribed forces are expected to reach, as a fraction of the thickness.
     max_depth_fraction = 0.9
     max_depth = max_depth_fraction * height
     forces = [mirror_multiplicity * force for force in path.values]

@@ -95,7 +95,8 @@ def _contact_law_warnings(
             f"{error_text(EQUILIBRIA_DIFFERENCE)}"
         )
         yield ModelWarning("several_equilibria", message, EQUILIBRIA_DIFFERENCE)
-    # The rounding allows for a stiffness that the program chose to be just this large.
+    # The margin for rounding prevents a warning about a stiffness of exactly this size, which the
+    # program may choose.
     max_stiffness = (1 + 1e-9) * MAX_STIFFNESS_MULTIPLE * material.E_star / sizes.h_contact
     if isinstance(law, Penalty | Nitsche) and law.stiffness > max_stiffness:
         yield ModelWarning(
@@ -184,7 +185,7 @@ def _mesh_warnings(
         )
     if sizes.corner_error >= NEGLIGIBLE_ERROR:
         bound_text = f"the force may be too high by up to {error_text(sizes.corner_error)}"
-        remedy = "use smaller element sizes in `mesh`, or leave them out"
+        remedy = "use smaller element sizes in `mesh`, or leave the sizes out"
         message = f"coarse elements at corners close to the contact: {bound_text}; {remedy}"
         yield ModelWarning("corners", message, sizes.corner_error)
     yield from _element_warnings(setup, row_depths, sizes)

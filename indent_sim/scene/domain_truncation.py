@@ -30,8 +30,8 @@ from indent_sim.theory.solution import MAX_SLENDERNESS, Solution
 # Relative error of the force that the truncation may cause; the mesh may cause the rest of 1e-3.
 TRUNCATION_ERROR = 3e-4
 ROLLER_SIDES = BoxSides("roller", "roller", "roller", "roller")
-# Factor of safety for the error by theory: forces on meshes scatter by 1e-4, and a law with
-# nu = 0.3 replaces those with nu < 0.
+# Factor of safety for the error that theory predicts. It allows for the scatter of the forces on
+# meshes, 1e-4, and for the replacement of laws with nu < 0 by one with nu = 0.3.
 TRUNCATION_SAFETY = 1.5
 
 
@@ -179,8 +179,8 @@ def _truncate_layer(
         punch = profiles.flat_punch(min(radius, 0.5 * MAX_SLENDERNESS * stack.h))
         contact = LayerContact.from_stack(punch, stack)
         deepest = contact.solutions_at_depths([depth])[0]
-    # The first wall that is tried is three heights of the layer from the contact, every further one
-    # wall_distance_factor times as far.
+    # The first trial wall is three heights of the layer from the contact, the product of the two
+    # numbers below; every further one is wall_distance_factor times as far.
     first_wall_distance = 2.0
     wall_distance_factor = 1.5
     wall_distance = first_wall_distance * height + _inclusion_extent(body)

@@ -123,7 +123,7 @@ def penalty_force_loss(
     max_force_exponent = 3.0
     force_loss = max_force_exponent * penetration * float(pressure[0]) / delta
     if force_loss < NEGLIGIBLE_ERROR:
-        # This upper bound suffices; theory takes long to evaluate many depths.
+        # The upper bound is sufficient here, since theory would take long at many depths.
         return force_loss
     depth_fractions = np.array([1e-6, 1e-3, 0.03, 0.2, 0.5, 0.8, 0.95, 1.0])
     force, pressure = _forces_and_pressures(theory, material, delta, a, depth_fractions)

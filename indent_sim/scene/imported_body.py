@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 def position_imported_mesh(
     config: Config, source: MeshFromFile, imported_mesh: ImportedMesh
 ) -> tuple[ImportedBody, ImportedMesh]:
-    """Translate an imported mesh so that the tip first touches it at z = 0.
+    """Translate an imported mesh so that first contact with the tip is at z = 0.
 
     Parameters
     ----------

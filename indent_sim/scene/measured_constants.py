@@ -30,8 +30,9 @@ COLUMN_GRADING_ERROR = 0.02
 
 # h_edge n^ORDER_OF_CONVERGENCE divided by the punch's radius [-], by dimension. In three dimensions
 # it is so small that the error by the edge (EDGE_ERROR times h_edge over the radius) alone is
-# within ERROR_CONSTANT n^-ORDER_OF_CONVERGENCE: with 3.0 the first mesh missed its target, and the
-# second one took longer than the first one with 1.2. Checked: tests/physics/test_cost.py.
+# within ERROR_CONSTANT n^-ORDER_OF_CONVERGENCE: with 3.0 the first mesh missed the
+# requested accuracy, and the second mesh took longer than a first mesh with 1.2. Checked:
+# tests/physics/test_cost.py.
 EDGE_SIZE_FACTOR = {2: 0.3, 3: 1.2}
 # Largest relative error of the force, divided by the ratio of the element size at a punch's sharp
 # edge to the radius of the punch [-]. It was 0.09 to 0.22 on 25 quarter cylinders. On sections of
@@ -91,7 +92,7 @@ STEPPED_ELEMENTS_PER_RADIUS = 25.0
 # Elements [-] in the cohesive zone of an adhesive contact: the force is within 0.3 %. Checked, to
 # 0.35 %: tests/physics/test_adhesion.py.
 ELEMENTS_PER_ZONE = 2.0
-# Largest ratio of element size and cohesive zone [-]. At Maugis' lambda 2.5 the ripple of the
+# Largest ratio of element size and cohesive zone [-]. At Maugis' lambda 2.5 the oscillation of the
 # force, as the edge of contact passes from node to node, was 0.8 % of the largest pull at this
 # ratio, 1.3 % at 2, 2.1 % at 3 and 10 % at 8. Checked, at a ratio of 1.45:
 # tests/physics/test_pull_off.py.
@@ -114,8 +115,8 @@ STEADY_SLIDING_DEPTH = (0.46, 2.94)
 SLIDING_SOLVES_GROWTH = 1.7
 
 # Bound of the relative difference of the forces of several equilibria on one mesh [-], with
-# active_set and a path of 1, 3 and 6 steps. The scene on which they differed is not recorded: the
-# forces of 29 sections and two boxes under spheres, cones and rounded punches agree to 1e-9.
+# active_set and a path of 1, 3 and 6 steps. No scene is known on which they differ by that much:
+# the forces of 29 sections and two boxes under spheres, cones and rounded punches agree to 1e-9.
 # Repeated, on a section, by: tests/physics/test_measured_constants.py.
 EQUILIBRIA_DIFFERENCE = 0.002
 # Coefficient of friction [-] up to which the edge of the contact slips: ten steps along the path

@@ -192,7 +192,8 @@ def _attraction_warnings(setup: ProblemSetup) -> Iterator[ModelWarning]:
             f"the body ends where its gap to the tip is {gap_ratio:.2g} ranges of the attraction"
         )
         yield ModelWarning(
-            "adhesion_rim", f"adhesion: {gap_text}: the attraction beyond its edge is left out"
+            "adhesion_rim",
+            f"adhesion: {gap_text}; the attraction beyond the edge of the body is neglected",
         )
 
 
@@ -208,7 +209,8 @@ def _adhesion_warnings(setup: ProblemSetup) -> Iterator[ModelWarning]:
     radius = setup.relative_tip.radius_scale(setup.a)
     if radius is None:
         return
-    from indent_sim.theory.maugis import (  # Loads scipy, which no other scene needs.
+    # This import loads scipy, which other scenes do not need.
+    from indent_sim.theory.maugis import (
         maugis_lambda,
         maugis_pull_off,
         tabor_number,

@@ -186,7 +186,7 @@ def friction_correction(
     )
     if power is None or not _is_homogeneous_isotropic(physics.domain) or has_unloading:
         return None
-    # The module loads scipy, which no other scene needs.
+    # This import loads scipy, which other scenes do not need.
     from indent_sim.theory import friction as coulomb_friction
 
     with suppress(ValueError):

@@ -9,7 +9,7 @@ from indent_sim.scene.problem_setup import ProblemSetup
 
 
 def check_slide(setup: ProblemSetup) -> None:
-    """Raise ConfigError if the contact leaves the body, or a wall, as the tip slides."""
+    """Raise ConfigError if a slide takes the contact off the body or off a mirror plane."""
     physics = setup.physics
     track = physics.track
     if track.is_point:
@@ -24,7 +24,7 @@ def check_slide(setup: ProblemSetup) -> None:
             "loading.slide",
             f"leads away from the roller wall {min(own_walls)}, which is a mirror plane through "
             "the tip",
-            "let the tip slide along the wall, or put it elsewhere",
+            "let the tip slide along this wall, or choose a position of the tip away from it",
         )
     wall = physics.domain.wall_radius
     low, high = (-wall, wall) if wall else physics.domain.extent[track.axis]
@@ -35,8 +35,8 @@ def check_slide(setup: ProblemSetup) -> None:
         return
     raise ConfigError(
         "loading.slide",
-        f"takes the contact, of radius {setup.a * L:.3g}, over the edge of the body: the tip stops "
-        f"{room * L:.3g} from it",
+        f"takes the contact, of radius {setup.a * L:.3g}, over the edge of the body: the tip's "
+        f"axis comes within {room * L:.3g} of it",
         "use smaller displacements or a wider body",
     )
 
@@ -46,8 +46,8 @@ def check_slide_sizes(setup: ProblemSetup, sizes: Sizes) -> None:
     if setup.physics.slides and sizes.punch_edge is not None:
         raise ConfigError(
             "loading.slide",
-            "does not fit a contact that ends at a sharp edge of the tip: the mesh is refined at "
-            "the edge, which would slide away from it",
+            "does not fit a contact that ends at a sharp edge of the tip: the edge would slide "
+            "away from the part of the mesh that is refined for it",
             "use a rounder tip (edge_radius of at least half the radius), or another shape",
         )
 

@@ -299,7 +299,7 @@ def _cut_domain(
 def _spherical_domain(
     body: SphericalBody, requested_symmetry: str, regions: Regions
 ) -> tuple[ModelDomain, str]:
-    """Return the axisymmetric section of a ball or a cap, and the reason."""
+    """Return the axisymmetric section of a ball or a cap, and the reason for this symmetry."""
     if requested_symmetry not in ("auto", "axisymmetric"):
         raise _symmetry_error(
             requested_symmetry, f"a {body.shape} is modelled as axisymmetric", "use 'auto'"

@@ -1,8 +1,8 @@
 """Two contacts in series: a body between a tip above and a flat below, both carrying one force.
 
-Each contact is one of a layer theory, as if the other one were far away. The approaches add up at
-equal forces, delta = delta_1(F) + delta_2(F), and so do the compliances and the energies. This is
-the limit of contacts that are small against the body. Source: Johnson, Contact Mechanics (1985),
+Each contact is computed by a layer theory, as if the other one were far away. The approaches add up
+at equal forces, delta = delta_1(F) + delta_2(F), and so do the compliances and the energies. This
+is the limit of contacts that are small against the body. Source: Johnson, Contact Mechanics (1985),
 4.2.
 """
 
@@ -28,7 +28,7 @@ class ContactsInSeries:
     Attributes
     ----------
     upper
-        Contact of the tip with the body, whose pressure and radius the solutions have.
+        Contact of the tip with the body. Solutions have its pressure and contact radius.
     lower
         Contact of the flat with the body.
     """
