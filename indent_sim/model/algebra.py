@@ -118,7 +118,7 @@ def macaulay(x: Expr) -> Expr:
     return where_less(0.0, x, x, 0.0 * x)
 
 
-# Largest norm of the deviator at which sums of powers come from their series.
+# Largest norm of the deviator for which sums of powers are computed from their series.
 SMALL_DEVIATOR = 3e-3
 
 
@@ -164,15 +164,15 @@ def unimodular_stretches(mean: Expr, square: Expr, cube: Expr) -> tuple[Expr, Ex
         over m, ((l2 - l3)/(l2 + l3))^2.
     """
     # A principal stretch has no derivative where two of them are equal, but a symmetric function of
-    # the stretches has. Where all three are equal, this number keeps the root away from zero, and a
-    # function has to be written in another way (`power_sum`).
+    # the stretches has. Where all three are equal, this number keeps the root away from zero, and
+    # symmetric functions are computed from their series instead (`power_sum`).
     regularization = 1e-6
     radius = sqrt(square + regularization**2)
     cosine = cube / (2 * radius**3)
     sign = where_less(cosine, 0.0 * cosine, -1.0, 1.0)
     cosine = sign * cosine
-    # This guess of the largest root is right to 0.3 % for a cosine from 0 to 1. Two steps give its
-    # value, one more each derivative.
+    # This initial guess of the largest root is accurate to 0.3 % for a cosine from 0 to 1. Two
+    # Newton steps give the root to round-off, and one further step each derivative.
     y = 0.866 + 0.134 * cosine
     for _ in range(4):
         y = (8 * y**3 + cosine) / (12 * y * y - 3)

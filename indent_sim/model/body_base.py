@@ -10,7 +10,7 @@ Support = Literal["free", "roller", "fixed"]
 BaseSupport = Literal["fixed", "roller"]
 RestingSupport = Literal["fixed", "roller", "unbonded"]
 Points = tuple[np.ndarray, np.ndarray]  # x and y [length]
-# Midpoints of so many equal intervals along each axis give the mean of a paraboloid to 1e-5.
+# Number of equal intervals along each axis, whose midpoints give the mean of a paraboloid to 1e-5.
 POINTS_PER_AXIS = 400
 UNIT_MIDPOINTS = (np.arange(POINTS_PER_AXIS) + 0.5) / POINTS_PER_AXIS
 UNIT_POINTS = np.linspace(0, 1, POINTS_PER_AXIS + 1)

@@ -186,10 +186,11 @@ class Penalty(_NormalStiffness):
     epsilon_t: ContactStiffness | Auto = "auto"
 
     multiplier: ClassVar[Multiplier] = "none"
-    # Smallest multiple of E*/h_contact for epsilon_n: auto; its error of the force is 0.1 % in
-    # Hertz's problem.
+    # Smallest epsilon_n in units of E*/h_contact with `epsilon_n: auto`. The error of the force in
+    # Hertz's problem is then 0.1 %.
     auto_stiffness_factor: ClassVar[float] = 100.0
-    # Multiple of E*/h_contact; below it, four fifths of the force that friction adds are lost.
+    # Smallest epsilon_t in units of E*/h_contact; below it, four fifths of the force that friction
+    # adds are lost.
     min_tangential_factor: ClassVar[float] = 0.1
 
     @property
@@ -220,10 +221,10 @@ class AugmentedLagrangian(_NormalStiffness):
     adhesion: Adhesion | None = None
 
     multiplier: ClassVar[Multiplier] = "unknown"
-    # Multiple of E*/h_contact that was measured to be the most accurate one.
+    # epsilon_n in units of E*/h_contact that was measured to be the most accurate.
     auto_stiffness_factor: ClassVar[float] = 1.0
-    # Multiple of E*/h_contact. With Coulomb's law, increments are cut back at 1e-3 and below; at
-    # 1e-4 and below they fail or converge to forces without friction.
+    # Smallest epsilon_t in units of E*/h_contact. With Coulomb's law, increments are cut back at
+    # 1e-3 and below; at 1e-4 and below they fail or converge to forces without friction.
     min_tangential_factor: ClassVar[float] = 0.01
 
 
@@ -239,8 +240,8 @@ class Uzawa(_NormalStiffness):
     gap: Gap = "auto"
 
     multiplier: ClassVar[Multiplier] = "frozen"
-    # Multiple of E*/h_contact that needs few iterations; softer ones fail in deep bodies of nu =
-    # 0.5.
+    # epsilon_n in units of E*/h_contact that needs few iterations; smaller ones fail in deep bodies
+    # with nu = 0.5.
     auto_stiffness_factor: ClassVar[float] = 100.0
 
 
@@ -256,14 +257,14 @@ class Nitsche(_StiffnessLaw):
     gap: Gap = "auto"
 
     multiplier: ClassVar[Multiplier] = "stress"
-    # Multiple of E*/h_contact, ten times the smallest that is accurate.
+    # gamma in units of E*/h_contact, ten times the smallest that is accurate.
     auto_stiffness_factor: ClassVar[float] = 10.0
-    # Multiple of E*/h_contact, below which the tip penetrates, because the variation of sigma_n is
-    # dropped. Measured against the active set on the same mesh (Hertz's problem axisymmetric, strip
-    # and cube; nu 0.3, 0.48, and 0.4999 mixed; 4 to 20 elements in a): from 1 on the force is
-    # within 0.2 %, at 0.3 it is up to 1.3 % too high, at 0.1 up to 9 %, at 0.01 up to 37 %;
-    # Newton's method converges equally well for all of them. With 2 elements in a: 3 % at 1, 8 %
-    # at 0.3.
+    # Smallest gamma in units of E*/h_contact. With a smaller one the tip penetrates, because the
+    # variation of sigma_n is dropped. Measured against the active set on the same mesh (Hertz's
+    # problem axisymmetric, strip and cube; nu 0.3, 0.48, and 0.4999 mixed; 4 to 20 elements in a):
+    # from 1 on the force is within 0.2 %, at 0.3 it is up to 1.3 % too high, at 0.1 up to 9 %, at
+    # 0.01 up to 37 %; Newton's method converges equally well for all of them. With 2 elements in a
+    # the force is 3 % too high at 1, and 8 % at 0.3.
     min_stiffness_factor: ClassVar[float] = 1.0
 
     reason_not_condensable: ClassVar[str] = (  # type: ignore[misc]

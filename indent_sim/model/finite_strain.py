@@ -21,7 +21,8 @@ def excess_and_log_J(H: Expr) -> tuple[Expr, Expr]:
 
 def excess_and_volume_growth(H: Expr) -> tuple[Expr, Expr]:
     """Return (I1 - 3)/2 - ln J and J - 1 of F = 1 + H, without loss of digits where H is small."""
-    # tr H cancels between (I1 - 3)/2 and ln J, so that only the nonlinear growth remains.
+    # tr H occurs in (I1 - 3)/2 and in ln J and cancels, so that only the nonlinear part of the
+    # volume change remains.
     nonlinear_growth = nonlinear_volume_growth(H)
     growth = ufl.tr(H) + nonlinear_growth
     return ufl.inner(H, H) / 2 - nonlinear_growth + log1p_remainder(growth), growth

@@ -81,7 +81,7 @@ class MeshFromFile:
 
 @dataclass(frozen=True)
 class ImportedBody:
-    """Imported mesh with the properties of a body; the tip first touches it at z = 0.
+    """Imported mesh with the properties of a body; first contact with the tip is at z = 0.
 
     Attributes
     ----------

@@ -31,8 +31,9 @@ ARTANH_SQUARE_SERIES = (
     3254 / 10395,
     88069 / 315315,
 )
-# Largest dev C : dev C/6 at which the series is used, |e| < 0.1. There it is right to 1e-12; the
-# other way is right to 1e-10 everywhere, since `unimodular_stretches` keeps a root off zero.
+# Largest dev C : dev C/6 at which the series is used, which is |e| < 0.1. There it is accurate to
+# 1e-12. The formula in the stretches is accurate to 1e-10 everywhere, and not better, because
+# `unimodular_stretches` keeps a root away from zero.
 SERIES_LIMIT = 0.015
 
 
@@ -52,7 +53,7 @@ def square_of_unimodular(excess: Expr, square: Expr, cube: Expr) -> Expr:
         square,
         SERIES_LIMIT,
         _series(excess, square, cube),
-        # Far from the undeformed state; there the limit is only a number with finite derivatives.
+        # Used far from the undeformed state. Near it the derivatives are finite, but not used.
         _square_of_stretches(*unimodular_stretches(1 + excess, square, cube)),
     )
 
@@ -114,8 +115,8 @@ def _square_of_stretches(distinct_stretch: Expr, mean_stretch: Expr, spread: Exp
 
 
 def _artanh_square(spread: Expr) -> Expr:
-    """Return (artanh r)^2 for r^2 = spread, by its series where the pair of stretches meets."""
-    # The next term is 1e-15 of the sum.
+    """Return (artanh r)^2 for r^2 = spread, by its series where the two stretches are close."""
+    # Up to this spread the first term left out is 1e-15 of the sum.
     limit = 0.01
     series: Expr = 0.0
     for coefficient in reversed(ARTANH_SQUARE_SERIES):

@@ -21,8 +21,9 @@ from annotated_types import Ge, Gt, Lt
 from indent_sim.model.algebra import Expr, exp, macaulay
 from indent_sim.model.units import PRESSURE, Modulus
 
-# Newton iterations for the plastic strain increment of a nonlinear hardening law, after which it is
-# right to round-off if the hardening modulus is below Young's (tests/unit/model/test_plasticity.py)
+# Number of Newton iterations for the plastic strain increment of a nonlinear hardening law. The
+# increment is then accurate to round-off if the hardening modulus is smaller than Young's modulus.
+# Checked: tests/unit/model/test_plasticity.py.
 INCREMENT_ITERATIONS = 4
 
 
@@ -54,7 +55,7 @@ class Plasticity:
         return tuple(name for name in ("n", "linear", "voce") if getattr(self, name) is not None)
 
     def flow_stress(self, alpha: Expr, E: Expr) -> Expr:
-        """Return the yield stress sigma(alpha) [pressure] at a plastic strain; E is Young's."""
+        """Return the yield stress sigma(alpha) [pressure] at an equivalent plastic strain."""
         if self.n is not None:
             return self.yield_stress * (1 + E * alpha / self.yield_stress) ** self.n
         if self.linear is not None:
@@ -103,8 +104,8 @@ class Plasticity:
         excess = macaulay(q - self.flow_stress(alpha, E))
         if self.n is None and self.voce is None:
             return excess / (3 * mu + self.hardening_modulus(alpha, E))
-        # sigma is concave, so that Newton's method converges monotonically after one step from the
-        # increment without hardening, which is too large.
+        # The increment without hardening is too large. From there Newton's method converges
+        # monotonically after its first step, because sigma is concave.
         start_stress = self.flow_stress(alpha, E)
         d = excess / (3 * mu)
         for _ in range(INCREMENT_ITERATIONS):

@@ -46,9 +46,9 @@ from indent_sim.model.tips import (
     max_radius,
 )
 
-# Directions in which the section of a tilted tip is measured.
+# Number of directions in which the section of a tilted tip is measured.
 SECTION_DIRECTIONS = 720
-# Bisections of a length: the last interval is 1e-17 of the first one.
+# Number of bisections of a length: the last interval is 1e-17 of the first one.
 BISECTIONS = 56
 
 
@@ -117,14 +117,14 @@ class TiltedTip(_Tip):
         return x * c + y * d, y * c - x * d
 
     def _origin(self) -> tuple[Expr, Expr]:
-        """Return (s, z) of the origin relative to the apex of the tip [length]."""
+        """Return (s, z) of the origin of the module's coordinates relative to the apex [length]."""
         c, d = cos(self.tilt), sin(self.tilt)
         r, f = _touching_point(self.tip, self.tilt)
         along = 0.0 if isinstance(self.tip, FlatPunch) else r * c + f * d
         return along, f * c - r * d
 
     def gap_current(self, x: Expr, y: Expr, depth: Expr) -> Expr:
-        """Return the gap of the upright tip at the point in the frame of the tilted tip [length].
+        """Return the gap of the upright tip at this point in the tip's own frame [length].
 
         `depth` is the height of the point above the lowest point of the tip.
         """
@@ -200,7 +200,7 @@ class TiltedTip(_Tip):
         square = B * B - A * C
         # Both branches of a conditional are evaluated, and a cone has B = C = 0 at its apex.
         root = sqrt(maximum(square, 0.0 * s)) + 1e-300
-        # Where the axis leans by more than the flank, the other nappe of a cone is below it.
+        # Where the tilt exceeds the angle of the flank, the other nappe of a cone is below it.
         is_other = where_less(0.0, A, where_less(B, 0.0, -1.0, 0.0), 0.0)
         return where_less(minimum(square, is_other), 0.0, ended, C / (B + root))
 
@@ -209,7 +209,7 @@ class TiltedTip(_Tip):
         c, d = cos(self.tilt), sin(self.tilt)
         rho = self.tip.tip_radius
         sin_angle = sin(self.tip.half_angle)
-        # The flanks meet below the rounded apex by this length along the axis.
+        # Distance, along the axis, of the point where the flanks would meet below the rounded apex.
         below = rho * (1 / sin_angle - 1)
         flank = (
             self._quadric_height(
@@ -261,7 +261,8 @@ class TiltedTip(_Tip):
         c, d = cos(self.tilt), sin(self.tilt)
         along, above = self._origin()
         s, _ = self._components(x, y)
-        # Every vertical line that meets the lower surface leaves the tip at this level of its axis.
+        # Every vertical line that meets the lower surface leaves the tip at this height along its
+        # axis.
         level = self._end_level
         low = np.zeros(x.shape)
         high = 1e4 * (size + np.hypot(x, y))
@@ -342,9 +343,9 @@ class TiltedTip(_Tip):
         return _last_inside(is_inside, depth * np.ones(len(angles)))
 
     def contact_patch(self, a: float, dim: int) -> tuple[float, float]:
-        """Return where a contact lies: the shift of its middle along `towards`, and its reach.
+        """Return the shift of the middle of a contact along `towards`, and its largest radius.
 
-        The contact is taken as similar to the section of the tip with the radius a.
+        The contact is assumed to be similar to the section of the tip with the radius a.
 
         Parameters
         ----------
@@ -479,7 +480,7 @@ def _radii(tip: Indenter, depths: np.ndarray) -> np.ndarray:
 
 
 def _last_inside(is_inside: Callable[[np.ndarray], np.ndarray], start: np.ndarray) -> np.ndarray:
-    """Return the largest numbers for which a condition holds that fails beyond them."""
+    """Return the largest numbers that fulfil a condition, which no larger number fulfils."""
     high = start
     # A section that has no end is cut off after this number of doublings.
     for _ in range(40):
