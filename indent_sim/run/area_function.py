@@ -76,7 +76,7 @@ def area_of_tip(tip: Indenter, words: str = "") -> AreaFunction:
         raise ConfigError("indenter.shape", "a plate has no area function", "give --area")
     text = words or f"section of the scene's tip ({tip.shape})"
     if isinstance(tip, FlatPunch):
-        # Its contact depth vanishes, or is negative by round-off or noise.
+        # The contact depth of a flat punch is 0; by round-off or noise it may be negative.
         area = pi * tip.radius**2
         return AreaFunction(text, lambda h_c: area, -inf, inf, tip)
     largest = inf

@@ -60,7 +60,7 @@ ASSUMED_NU = 0.3
 # Exponents of unloading curves lie between those of a flat punch (1) and of a tip sharper than a
 # cone (2).
 EXPONENT_RANGE = (1.0, 2.5)
-# Numbers outside this range, in any unit, are not those of a test, and their powers may overflow.
+# Range of the depths and forces of a test, in any unit; powers of numbers beyond it may overflow.
 SMALLEST_NUMBER = 1e-30
 LARGEST_NUMBER = 1e30
 UNITS_REMEDY = "give the units of the file with --units, for example --units length=nm,force=mN"
@@ -444,14 +444,14 @@ def _fit(cycle: IndentationCycle, top: tuple[float, float]) -> UnloadingFit:
     except ValueError as error:
         raise UsageError(f"unloading is not a power law: {error}") from None
     lower, upper = EXPONENT_RANGE
-    # An exponent may be beyond a limit by its scatter, but by no more than this.
+    # Largest distance of the exponent beyond a limit that its scatter may explain.
     tolerance = min(_exponent_error(fit), 0.05) + 1e-4
     if not lower - tolerance <= fit.exponent <= upper + tolerance:
         raise UsageError(
             f"the exponent of unloading is m = {fit.exponent:.3g}, but an elastic contact has m "
             f"between {lower:g} and {upper:g}",
-            "look for creep, drift, a wrong first contact or another frame compliance, or fit "
-            "another part with --top",
+            "check for creep, drift, a wrong point of first contact or a wrong frame compliance, "
+            "or fit another part with --top",
         )
     S_error = fit.coverage_factor * float(fit.covariance[1, 1]) ** 0.5
     # A stiffness with a larger relative error determines neither hardness nor modulus.
@@ -477,7 +477,9 @@ def _epsilon(text: str, m: float) -> tuple[float, str]:
         return epsilon, f"{epsilon:.4g}, of the exponent m"
     epsilon = convert_quantity("--epsilon", text, "1", {})
     if not 0 <= epsilon <= 1:
-        raise ConfigError("--epsilon", f"must lie between 0 and 1, got {text}", "the usual is 0.75")
+        raise ConfigError(
+            "--epsilon", f"must lie between 0 and 1, got {text}", "the usual value is 0.75"
+        )
     return epsilon, f"{epsilon:g}"
 
 
@@ -652,7 +654,7 @@ def _works(cycle: IndentationCycle, fit: UnloadingFit) -> tuple[dict[str, Work |
         )
     elif last > negligible_force:
         below = fit.work_below(cycle.last_force)
-        # The curve below deviates from the power law by an unknown part, at most about half.
+        # The error of the work below is unknown; half of this work is taken as its bound.
         elastic = Work(cycle.unloading_work.value + below, cycle.unloading_work.error + 0.5 * below)
         warnings.append(
             f"unloading ends at {last:.1%} of the largest force; the work below is that of the "
@@ -673,7 +675,8 @@ def _contact_warnings(cycle: IndentationCycle) -> list[str]:
     h = cycle.h[loading]
     F = cycle.F[loading]
     outside = F[h < -3 * cycle.h_noise]
-    # A force beside the contact, and a depth without force, that change the hardness by per cents.
+    # Smallest force out of contact and smallest depth without a force, relative to the largest
+    # ones, that get a warning: they change the hardness by some per cent.
     wrong_force = 0.02
     wrong_depth = 0.1
     if len(outside) and abs(float(np.mean(outside))) > wrong_force * cycle.F_max:
@@ -694,7 +697,8 @@ def _contact_warnings(cycle: IndentationCycle) -> list[str]:
 def _fit_warnings(cycle: IndentationCycle, fit: UnloadingFit) -> list[str]:
     """Return a warning if the power law misses the samples by more than their noise."""
     noise = float(np.hypot(cycle.F_noise, fit.stiffness * cycle.h_noise))
-    # A power law through samples of an elastic contact misses them by less.
+    # Largest misfit of a power law to samples of an elastic contact, relative to the largest
+    # force.
     largest_misfit = 0.01
     if fit.residual > largest_misfit * cycle.F_max and fit.residual > 2 * noise:
         return [
@@ -731,7 +735,7 @@ def _tip_rounding_warnings(curve: _TestCurve, area: AreaFunction, h_c: float) ->
     return (
         [
             f"an apex radius of 150 nm would make the area {percent:.1f} % larger at this depth, "
-            "and H_IT as much smaller: calibrate the tip and give --area FILE"
+            "and H_IT smaller by the same factor: calibrate the tip and give --area FILE"
         ]
         if percent > 1
         else []
@@ -741,7 +745,10 @@ def _tip_rounding_warnings(curve: _TestCurve, area: AreaFunction, h_c: float) ->
 def _truth(
     curve: _TestCurve, values: Mapping[str, float | None], pressure: _PressureUnit
 ) -> dict[str, dict[str, float]]:
-    """Return area, hardness, stiffness and moduli that a run knows, with ratios to them."""
+    """Return the true quantities of a simulated contact, and the ratios of the results to them.
+
+    The quantities are area, hardness, stiffness and moduli.
+    """
     assert curve.results is not None
     table = curve.results.table
     row = int(np.argmax(table["force"]))

@@ -34,10 +34,12 @@ from indent_sim.theory.solution import SOLUTION_ERRORS
 from indent_sim.theory.surface_contact import RelaxingSurface, layer_surface
 from indent_sim.theory.viscoelastic_stepping import ViscoelasticTimeStepper
 
-CURVE_POINTS = 200  # rows of an experiment without a history
+# Number of rows of an experiment without a history.
+CURVE_POINTS = 200
 # Least sampled depth, relative to the largest; the curve is a power law below it.
 MIN_DEPTH_FRACTION = 1e-5
-CURVE_SAMPLES = 80  # samples of an elastic curve
+# Number of samples of an elastic curve.
+CURVE_SAMPLES = 80
 # The curve is sampled slightly beyond the requested depth.
 DEPTH_OVERSHOOT = 1.001
 

@@ -25,9 +25,9 @@ STICK_STEPS = {2: 10, 3: 4}
 # to the distance of nodes [-], by formulation. Measured against theory on layers of nu = 0 to 0.5:
 # 0.14 to 0.19 and 0.03 to 0.08. Repeated by: tests/physics/test_measured_constants.py.
 EDGE_SHIFT = {"displacement": 0.16, "mixed": 0.06}
-# Least error of the depth at pull-off under force control on a mesh, relative to that under depth
-# control [-]. Measured on bonded layers: up to 0.0017, the largest on thin ones. Repeated by:
-# tests/physics/test_measured_constants.py.
+# Smallest error of the depth at pull-off under force control on a mesh, relative to the depth at
+# pull-off under depth control [-]. Measured on bonded layers: up to 0.0017, the largest on thin
+# ones. Repeated by: tests/physics/test_measured_constants.py.
 MIN_PULL_OFF_ERROR = 0.002
 
 # Radius of the edge of a flat punch at finite strain, relative to that of the punch [-]: a sharper
@@ -35,7 +35,7 @@ MIN_PULL_OFF_ERROR = 0.002
 # delta/a = 0.1 it is 1.18 to 1.23 % with edges of 0.005 to 0.1, and 1.6 % with a sharp edge.
 # Checked: tests/physics/test_require.py.
 EDGE_ROUNDING = 0.05
-# Least edge radius that is tried as a remedy, relative to the radius R of the tip [-]. In
+# Smallest edge radius that is suggested as a remedy, relative to the radius R of the tip [-]. In
 # neo-Hookean rubber rods with edge radii of 1 and 0.99 R reached 4.75 R, punches with 0.2 R at
 # least 1.3 R, with 0.1 R 1.0 to 1.3 R, and sharper ones a few per cent of R to 0.5 R, depending on
 # mesh and steps. Repeated, with 0.2 R, by: tests/physics/test_measured_constants.py.

@@ -24,7 +24,8 @@ class PreviousRows:
         self.max_depth = -inf
         self.largest_force = 0.0
         self.largest_side_force = 0.0
-        self.slide_distance = 0.0  # length of the way that the tip has slid
+        # Length of the path along which the tip has slid.
+        self.slide_distance = 0.0
         # The row whose error bar has the largest lower end.
         self._largest_force_row: RowForce | None = None
         self._columns: np.ndarray = np.empty((3, 64))  # the entries of `RowForce` by row
@@ -76,7 +77,7 @@ class PreviousRows:
         return self._row_at_maximum(-force - bar, depth > delta)
 
     def work_to(self, state: State) -> tuple[float, float]:
-        """Return the work of the tip from first contact to a next row, and the error of it.
+        """Return the work of the tip from first contact to the next row, and its error.
 
         The work is the integral of the force over the rows by trapezoids [energy]. The error is
         estimated by leaving out every second row, with a factor of safety of 3; it is infinite for

@@ -12,9 +12,9 @@ the tip snaps in or off. With flow or relaxation depth and force depend on time,
 compare rows are left out. With friction a part of the work of loading is dissipated, so that forces
 are compared only during loading.
 
-A body that yields stores only a part of the work and keeps an imprint, which the tip need not touch
-at a smaller depth. The bounds on its energy and by elastic theory are replaced by the balance of
-work, stored and dissipated energy during loading.
+A body that yields stores only a part of the work and keeps an imprint, in which the tip may hang
+free at a smaller depth. In place of the bounds on the energy, and of those by elastic theory, the
+balance of work, stored and dissipated energy is then checked during loading.
 
 Each rule is a function of the scene, a converged state and the previous rows (in the user's units).
 It returns a sentence, or None if the state satisfies it. The bounds are wide enough for coarse
@@ -238,7 +238,7 @@ def _check_outside_penetration(scene: Scene, state: State, earlier: PreviousRows
 def _check_energy(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
     """Check that 0 <= Pi <= F delta, which holds if the force grows with the depth.
 
-    A tip that slides does at most the work of the largest side force over the way, in addition.
+    A tip that slides also does work, at most the largest side force times the path of the slide.
     """
     side_force = max(
         earlier.largest_side_force, abs(state.side_force_x or 0.0), abs(state.side_force_y or 0.0)
@@ -310,7 +310,7 @@ def _check_side_force(scene: Scene, state: State, earlier: PreviousRows) -> str 
     a = state.a / physics.scales.length
     if side_force is None or not physics.indenter.is_axisymmetric or a <= 0:
         return None
-    # Friction moves the contact from below the axis by less than half its radius
+    # Friction shifts the middle of the contact from the axis by less than half its radius.
     steepest = float(physics.indenter.slope(1.5 * a + scene.sizes.h_contact))
     friction = float(law.friction or 0.0)
     allowed = (friction + abs(steepest)) * state.force
@@ -348,7 +348,7 @@ def _check_against_theory(scene: Scene, state: State, earlier: PreviousRows) -> 
 
 
 def _check_plastic_work(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
-    """Check that the work of loading is the stored and the dissipated energy, without friction.
+    """Check that the work of loading is the sum of stored and dissipated energy, without friction.
 
     The work is the integral of the force over the rows by trapezoids, whose error is estimated.
     """
@@ -357,7 +357,7 @@ def _check_plastic_work(scene: Scene, state: State, earlier: PreviousRows) -> st
         return None
     work, error = earlier.work_to(state)
     total = state.energy + state.plastic_dissipation
-    # As in `_check_energy`, of F delta
+    # Tolerance relative to F delta, as in `_check_energy`.
     tolerance = 0.02
     if abs(work - total) <= tolerance * state.force * state.delta + error:
         return None

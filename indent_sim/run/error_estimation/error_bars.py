@@ -365,7 +365,7 @@ class ErrorBars:
     # ---- moment of a tilted tip
 
     def _moment_errors(self, state: State, force_error: float) -> dict[str, Any]:
-        """Return the errors of moment and place of the force under a tilted tip; {} without tilt.
+        """Return the errors of moment and of `x_contact` under a tilted tip; {} without a tilt.
 
         The moment grows with a higher power of the contact radius than the force, so that its
         relative error is MOMENT_ERROR_RATIO times that of the force. It is at least the grid
@@ -377,7 +377,7 @@ class ErrorBars:
         relative = force_error / abs(state.force) if state.force else nan
         difference = value_difference(self._coarse_states, self._run_states, state.step, "moment")
         if self._physics.is_time_dependent or self._has_prescribed_forces:
-            # The rows of the two meshes differ in depth, too.
+            # The rows of the two meshes then also differ in depth.
             difference = 0.0
         estimate = grid_convergence_index(difference, self.coarser_run.ratio, ORDER_OF_CONVERGENCE)
         L = self._scales.length
@@ -410,7 +410,7 @@ class ErrorBars:
             return self._value_at_next_deeper_row(state, name)
         value = abs(getattr(state, name))
         if name in self._side_forces and state.stick_radius == 0:
-            # In full slip the side force is friction times the force
+            # In full slip the side force is the coefficient of friction times the force.
             friction = float(self._physics.contact.friction)
             return friction * self.budgets[-1].total + self._step_error(state, name)
         contributions = [
@@ -431,7 +431,7 @@ class ErrorBars:
             return RADIUS_ERROR * end_element
         value = abs(getattr(state, name))
         if name in self._side_forces:
-            # A side force that changes its sign has the error of the largest one
+            # A side force that changes its sign has the error of the largest side force.
             value = max(value, self._largest_side_force(state))
         min_error = RADIUS_ERROR * end_element / state.a * value if state.a > 0 else 0.0
         if name == "p_max":
@@ -484,7 +484,10 @@ class ErrorBars:
     # ---- a tip that slides
 
     def _largest_side_force(self, state: State) -> float:
-        """Return the largest side force that friction allows at a row, or that of stick [force]."""
+        """Return the largest side force that friction allows at a row [force].
+
+        If the surface sticks it is the largest side force of all rows.
+        """
         law = self._physics.contact
         if law.may_slip:
             return float(law.friction) * abs(state.force)
@@ -494,7 +497,7 @@ class ErrorBars:
     def _error_of_slide_dissipation(self, state: State) -> float:
         """Return the error of the dissipation that follows from that of the side force Q [energy].
 
-        The elastic energy Q^2/(2 k) of the shear is no part of the dissipated one. Its error is
+        The elastic energy of the shear, Q^2/(2 k), is not dissipated. The error of this energy is
         (Q/k) times the error of Q at the beginning and the end of the row. k is the slope of the
         side force over the slide in the first row in which the tip slides.
         """

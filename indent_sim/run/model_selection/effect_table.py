@@ -85,7 +85,7 @@ def _wall_variant(v: SceneVariants, x: float) -> Config:
 def _largest_inverse_wall_radius(v: SceneVariants) -> float:
     """Return the inverse radius of the smallest wall in which the tip fits."""
     # Smallest radius of a wall around a flat punch, relative to that of the punch. At a ratio
-    # of 1 the whole body is compressed, which is another problem.
+    # of 1 the punch compresses the whole body, which is a different problem.
     min_wall_ratio = 1.01
     return 1 / (min_wall_ratio * v.tip.radius) if isinstance(v.tip, FlatPunch) else inf
 
@@ -242,7 +242,7 @@ def _punch_tilt_needs(v: SceneVariants) -> str:
 
 
 def _upright_equivalent(v: SceneVariants, tilt: float) -> Indenter | None:
-    """Return the upright tip with the sections of the tip under a tilt; None without one."""
+    """Return the upright tip with the sections of the tilted tip; None if there is none."""
     tip: Any = tilted(v.tip, tilt, 0.0)
     return tip.equivalent_tip(v.config.body.dim)  # type: ignore[no-any-return]
 
@@ -576,7 +576,7 @@ EFFECTS: dict[str, Cases] = {
             when=lambda v: v.config.body.base == "roller" and isinstance(v.config.body, Ball),
         ),
         Comparison(
-            "the body on its flat relative to one whose base is bonded, each on a mesh of its own",
+            "the body on its flat relative to one whose base is bonded, each on its own mesh",
             lambda v: v.meshed_variant(v.plain_scene),
             lambda v: v.meshed_variant(v.replace_plain_body(base="fixed")),
             when=lambda v: v.config.body.base == "unbonded",
@@ -625,8 +625,8 @@ EFFECTS: dict[str, Cases] = {
             when=lambda v: isinstance(v.tip, Plate),
         ),
         Unknown(
-            "a punch in full contact carries the force of the depth of the middle of its face, "
-            "which is less deep than its lowest point by radius * sin(tilt)",
+            "the force of a punch in full contact is that at the depth of the middle of its face, "
+            "which is smaller than that of its lowest point by radius * sin(tilt)",
             needs=_punch_tilt_needs,
             when=lambda v: isinstance(v.tip, FlatPunch) and not v.is_spherical,
         ),
@@ -755,19 +755,19 @@ EFFECTS: dict[str, Cases] = {
             when=lambda v: v.compliance > 0 and v.config.loading.force_history,
         ),
         Comparison(
-            "the displacement of the base taken as the depth{v.stand_in_text}",
+            "error if the displacement of the base is taken for the depth{v.stand_in_text}",
             lambda v: v.history_variant("cantilever", "frame"),
             lambda v: v.history_variant(),
             when=lambda v: v.compliance > 0,
         ),
         Unknown(
-            "the displacement of the base taken as the depth",
+            "error if the displacement of the base is taken for the depth",
             needs=_stiffness_needs,
         ),
     ),
     "contact_point": (
         Unknown(
-            "slope of the force over the depth",
+            "from the slope dF/d(delta) of the load curve",
             needs="above {v.percent:g} % from an error of the depth = "
             "{v.tolerated_depth_error:.2g}",
         ),

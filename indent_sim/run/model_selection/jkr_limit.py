@@ -21,10 +21,10 @@ class JkrLimit:
     def force_ratio(self, work: float) -> float:
         """Return the force with a work of adhesion divided by the force without it."""
         jkr = Jkr(self._punches, work / self._work_unit)
-        # The search for the contact radius with adhesion begins above that without, by
-        # this fraction.
+        # The search for the contact radius with adhesion begins at the radius without adhesion,
+        # increased by this fraction.
         radius_margin = 1e-3
-        # Depths of that search are at least this fraction of the prescribed depth.
+        # Smallest depth of that search, as a fraction of the prescribed depth.
         min_depth_fraction = 1e-6
         # The contact radius of the stable equilibrium is larger than that without adhesion.
         radius = increasing_root(

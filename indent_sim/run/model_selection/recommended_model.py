@@ -33,7 +33,7 @@ from indent_sim.scene.regions import remove_unused_material
 from indent_sim.scene.scene import resolve
 
 ConfigChange = Callable[[Config], Config]
-# Names of simpler bodies without a mesh in texts.
+# Names of simpler bodies, which need no mesh, in sentences.
 UNBOUNDED_NAMES = {"half_space": "a half-space", "layer": "an infinitely wide layer"}
 # Simpler bodies, from the simplest on, each with the effects that it neglects. Unbounded bodies
 # keep the layers. The last one is the body of the scene.
@@ -328,7 +328,7 @@ def _candidate_models(
     is_finite = not all(layer.material.is_small_strain for layer in config.layers if layer.material)
     contact_extra = config.contact.path_key
     knows_finite = is_finite or effects["small_strain"].percent is not None
-    # Only the elastic load curve of small strain has these effects.
+    # These effects can be computed only from the elastic load curve at small strain.
     curve_effects = [
         effects[name]
         for name in _effects_on_curve(config, tuple(EXPERIMENT_PARTS))
