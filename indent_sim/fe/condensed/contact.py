@@ -152,11 +152,11 @@ class CondensedContact:
         if flat is None:
             return algorithm(self)
         if self.depth <= 0:
-            # Nothing holds the body between tip and flat.
+            # Without a depth no force acts on the body between tip and flat.
             self.forces = np.zeros_like(self.forces)
             self.lam = np.zeros_like(self.lam)
         if not self.F.any():
-            # Both contacts begin with the intersections at half of the depth.
+            # First guess: tip and flat each approach the body by half of the depth.
             self.motion = self.depth / 2
         previous = None
         for _ in range(MAX_BALANCE_ITERATIONS):
@@ -167,7 +167,8 @@ class CondensedContact:
             earlier_force = max(float(np.abs(F).sum()) for F in self._recent_forces)
             if abs(imbalance) <= BALANCE_TOLERANCE * max(force, 1e-3 * earlier_force):
                 return True
-            # The imbalance decreases with the motion: secants, after a first step of the spring
+            # The imbalance decreases as the motion grows. The first step assumes that only the
+            # spring is compliant; the next ones are those of the secant method.
             step = flat.spring * imbalance
             if previous is not None and imbalance != previous[1]:
                 secant = (self.motion - previous[0]) / (previous[1] - imbalance)
@@ -479,7 +480,7 @@ class CondensedContact:
         tip, from_tip = self._approach_response(self._tip_facets)
         if self.compliance.flat is None:
             return tip
-        # The body moves so that the forces remain equal
+        # The body moves so that the forces on tip and flat remain equal.
         from_flat, base = self._approach_response(1 - self._tip_facets)
         imbalance = tip - from_tip
         balance = tip - from_tip - from_flat + base
@@ -604,7 +605,7 @@ class CondensedContact:
         """Return the horizontal force of the pressure on the slope of the tip [force]."""
         _, W, _ = self.quadrature
         trial_pressure = self.friction.trial_pressure() if self.friction else self.trial_pressure()
-        # Central difference of the heights, which are smooth but at an apex or an edge
+        # Central difference of the heights, which are smooth except at an apex or an edge.
         step = 1e-5 * self.scene.sizes.h_contact
         center = self.scene.physics.track.position(self.slide)
         points, _ = contact_quadrature(self.compliance.trace.dim)

@@ -1,4 +1,4 @@
-"""Contact of a condensed body with the flat on which it rests, evaluated like that with a plate."""
+"""Contact of a condensed body with the flat on which it rests, evaluated as that with a plate."""
 
 from __future__ import annotations
 

@@ -9,8 +9,9 @@ surfaces move into the body by
 where C is the compliance of the pinned body and c that of a spring between pin and flat. The rigid
 motion of the body towards the flat is t = t_0 + c s.F. The start t_0 of the spring is moved until
 it has no force, so that the forces on tip and flat are equal (`CondensedContact`). The contact
-methods see one compliance and one surface. The compliance couples both contacts, which differ from
-two contacts in series where they are not small against the body.
+methods see one compliance and one surface. Each contact displaces the other one through the
+compliance, which two contacts in series neglect: they are the limit of contacts that are small
+against the body.
 """
 
 from __future__ import annotations
@@ -26,8 +27,8 @@ from indent_sim.fe.surface import Trace
 from indent_sim.model.tip_track import TipTrack
 
 # Compliance of the spring between body and flat, in multiples of that of the expected contacts.
-# With much softer springs the active sets of some contact methods recur, for caps on a flat base
-# above all (`tests/physics/test_resting_bodies.py`).
+# With much softer springs the active sets of some contact methods recur, mainly for caps on a flat
+# base. Checked: tests/physics/test_resting_bodies.py.
 SPRING_FACTOR = 10.0
 
 
@@ -45,7 +46,7 @@ class RestingBodyCondenser:
     def __init__(self, body: Body):
         self.body = body
         self._condenser = Condenser(body, body.surface_trace("base"))
-        # Rows of the facets that the tip may touch.
+        # Nodes of the facets that the tip may touch, by their numbers in the whole surface.
         self.facet_rows = self._condenser.facet_rows[: len(body.trace.nodes)]
         self.support_surfaces = (*self._condenser.support_surfaces, ("base", body.trace.dim - 1))
         self.strain_energies = self._condenser.strain_energies

@@ -124,7 +124,7 @@ class LoadStepper:
             longest_step = min(longest_step, LONGEST_STEP_RANGES * self._adhesion_range)
             always_tried_step = SNAP_STEP_RANGES / 4 * self._adhesion_range
         if segment and segment.slides:
-            # The tip moves by the same lengths sideways as it does downwards
+            # Increments of a slide have the same largest length as increments of the depth.
             return StepSizeControl(longest_step, -inf)
         if segment and segment.has_duration:
             return StepSizeControl(
@@ -496,7 +496,7 @@ class LoadStepper:
         self._search_slide = slide
         if force == 0 and physics.is_time_dependent and not self._adhesion_range:
             return self._substeps - substeps if self._find_first_contact() else 0
-        # A tip that slides is on another curve of force and depth at every row
+        # At every row of a slide the force is another function of the depth.
         is_same_curve = slide == self._last_point.load_point.slide and not (
             physics.is_time_dependent and t > 0
         )
@@ -667,7 +667,8 @@ class LoadStepper:
         delta = load_point.delta
         dt = load_point.t - self._last_point.load_point.t
         earlier_points: list[EquilibriumPoint] = []
-        # The state of a body that yields, or below a tip that slides, is no function of the depth.
+        # The state of a body that yields, or below a tip that slides, is not a function of the
+        # depth alone.
         is_sliding = load_point.slide != self._points[0].load_point.slide
         may_extrapolate = not (is_sliding or self.equilibrium.scene.physics.yields)
         if may_extrapolate and (not dt or self._keeps_speed(load_point)):

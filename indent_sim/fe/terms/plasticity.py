@@ -8,8 +8,8 @@ strain increment d (`model.plasticity`) and its derivative d' = dd/dq,
     dW/dX = mu (1 - 3 mu d/q),    d2W/dX2 = -9 mu^4/q^2 (d' - d/q),
 
 so that the tangent is symmetric and consistent with the increment for every hardening law. At small
-strain e = sym H - eps_p; at finite strain e = ln(b)/2 with b = F C_p^-1 F^T. The volume does not
-yield.
+strain e = sym H - eps_p; at finite strain e = ln(b)/2 with b = F C_p^-1 F^T. The volume change is
+elastic.
 
 Internal variables at the quadrature points are eps_p, or G = C_p^-1 - 1, and the equivalent plastic
 strain alpha; all are zero in the undeformed body. They follow from the converged state in closed
@@ -134,7 +134,7 @@ class PlasticStrainEnergy(StrainEnergy):
         assert plasticity
         q = mu * ufl.sqrt(6 * maximum(X, 0.0 * X))
         d = self._yield_switch * plasticity.strain_increment(q, alpha, mu, E)
-        # Where d > 0, q is at least the yield stress
+        # Where d > 0, q is at least the yield stress, so that this bound changes nothing there.
         safe_q = maximum(q, plasticity.yield_stress)
         reduction = 3 * mu * d / safe_q
         inverse_slope = 1 / (3 * mu + plasticity.hardening_modulus(alpha + d, E))
@@ -149,7 +149,7 @@ class PlasticStrainEnergy(StrainEnergy):
         )
 
     def _stress_of(self, potential: Expr, H: Expr) -> Expr:
-        """Return dW/dH, which is not the derivative of the stored energy."""
+        """Return the stress dW/dH; it is not the derivative of the stored energy alone."""
         increment = self._mean_increment
         return increment.slope * ufl.diff(increment.X, H) + ufl.diff(self._volume, H)
 

@@ -13,7 +13,7 @@ from indent_sim.fe.kernel_cache import create_function_space
 from indent_sim.fe.measured_constants import VOLUME_DEGREE
 
 # Components of a symmetric tensor, by dimension of the model; in two dimensions the axes are
-# (r, theta, z) or (x, y, z), and the shear components of the second axis are zero
+# (r, theta, z) or (x, y, z), and the shear components of the second axis are zero.
 TENSOR_COMPONENTS = {
     2: ((0, 0), (1, 1), (2, 2), (0, 2)),
     3: ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)),
@@ -28,14 +28,14 @@ class QuadratureField:
     body : Body
         Discrete body.
     width : int
-        Numbers at each point.
+        Number of values at each point.
 
     Attributes
     ----------
     function : fem.Function
         The values at the quadrature points.
     mean : fem.Function
-        Their mean in each cell, by which the field is known at any point; see `update_means`.
+        Their mean in each cell, which stands for the field at other points; see `update_means`.
     points : ndarray
         Quadrature points (n, dim) of the reference cell.
     """
@@ -69,7 +69,7 @@ class QuadratureField:
 
 
 def symmetric_tensor(components: Expr, dim: int) -> Expr:
-    """Symmetric tensor (3, 3) from its components TENSOR_COMPONENTS in a model of a dimension."""
+    """Return the symmetric tensor (3, 3) with the components TENSOR_COMPONENTS[dim]."""
     pairs = TENSOR_COMPONENTS[dim]
     number = {pair: k for k, pair in enumerate(pairs)} | {
         (j, i): k for k, (i, j) in enumerate(pairs)

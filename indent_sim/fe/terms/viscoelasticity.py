@@ -71,7 +71,7 @@ class ViscoelasticStrainEnergy(StrainEnergy):
             *map(np.array, region.relaxation_series[1:]),
         )
         dim = body.body_mesh.dim
-        # h of the stage
+        # The prestress h of the stage.
         self._prestress = QuadratureField(body, len(TENSOR_COMPONENTS[dim]))
         self._h = self._prestress.function
         self._shear_factor, self._long_term_factor = (

@@ -143,7 +143,7 @@ class Friction(Term):
             )
         self._dissipation = compile_form(body.contact_integral(heat))
         vertical = body.body_mesh.dim - 1
-        # Where the tip slides, the term of the pressure has its part of the side force
+        # If the tip slides, the term of the pressure contains its own part of the side force.
         pushes = [
             0.0 if self._slides else -normal.pressure * normal.gap.normal[axis]
             for axis in range(vertical)

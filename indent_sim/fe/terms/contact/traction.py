@@ -76,7 +76,8 @@ class Traction(Term):
         self._moment_form = None
         if physics.has_moment:
             self._moment_form = compile_form(body.contact_integral(vertical * self.gap.lever))
-        # Where there is friction and no slide, the term of friction has the part of the pressure.
+        # With friction and without a slide, the term of friction contains the part of the side
+        # force that the pressure has.
         is_pushed = physics.slides or (self.law.is_conservative and physics.side_force_axes)
         self._side_force_forms = [
             compile_form(body.contact_integral(-self._potential_slope * self._slope(axis)))
