@@ -160,11 +160,10 @@ def plasticity_errors(config: SceneSections) -> Iterator[ConfigError]:
     if not laws:
         return
     key = next(iter(laws))
-    whole_body = "a body of which a part yields"
     for law_key, law in config.materials():
         for slot, verb in (("relaxation", "relaxes"), ("flow", "drains")):
             if getattr(law, slot):
-                problem = f"{whole_body} is not modelled together with one that {verb}"
+                problem = f"a body that both yields and {verb} is not modelled"
                 yield ConfigError(f"{law_key}.{slot}", problem, f"leave it or {key} out")
     if config.loading.prescribed_history is not None:
         path_key = config.loading.given_path_keys[0]

@@ -130,7 +130,7 @@ def tilt_errors(config: SceneSections) -> Iterator[ConfigError]:
             )
         return
     if getattr(tip, "material", None) is not None:
-        problem = "a soft tip is modelled with its holder level"
+        problem = "the model of a soft tip has an upright axis, with its holder level"
         yield ConfigError(key, problem, "leave indenter.tilt or indenter.material out")
     if isinstance(tip, Sphere):
         # A tilt does not change a sphere.
@@ -147,7 +147,7 @@ def tilt_errors(config: SceneSections) -> Iterator[ConfigError]:
         getattr(config.body, "kinematics", "") == "axisymmetric"
     ):
         problem = f"a tilted {tip.shape} on a {config.body.shape}, which is axisymmetric"
-        remedy = "use a box, a cylinder, a layer or a half_space, or a sphere, which a tilt leaves"
+        remedy = "use a box, a cylinder, a layer or a half_space, or a sphere without a tilt"
         yield ConfigError(key, f"{problem}, is not possible", remedy)
     if config.body.dim == 2 and config.tilt_towards not in (0.0, 180.0):
         problem = "in plane strain the tip leans along x"
@@ -205,7 +205,7 @@ def _soft_cylinder_errors(config: SceneSections, tip: FlatPunch | Plate) -> Iter
             problem = f"missing: a soft {tip.shape} is a cylinder between its face and its holder"
         yield ConfigError(f"indenter.{name}", problem, "give a number > 0")
     if isinstance(tip, FlatPunch) and tip.edge_radius:
-        problem = "is not modelled of a soft punch, whose edge is sharp"
+        problem = "is not modelled for a soft punch, whose edge is sharp"
         yield ConfigError("indenter.edge_radius", problem, "leave it out")
     body = config.body
     if missing or not isinstance(body, Cylinder) or isinstance(tip, FlatPunch):

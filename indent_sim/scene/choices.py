@@ -44,10 +44,10 @@ def model_choices(setup: ProblemSetup) -> Choices:
         "the pins vanish"
     )
     if domain.rests_on_flat:
-        pinned = "half of the height on the axis; a soft spring leaves the motion of the body free"
+        pinned = "half of the height on the axis; a soft spring permits the motion of the body"
     resting = (
-        "two contacts in series on one compliance, each with its own radius; the flat below is "
-        "rigid and without friction, and delta is the approach of tip and flat"
+        "two contacts, coupled by the compliance of the body, each with its own radius; the flat "
+        "is rigid and without friction, and delta is the approach of tip and flat"
     )
     kind = "linear elastic" if physics.small_strain else "hyperelastic"
     plastic = ", and yields" if physics.yields else ""

@@ -359,7 +359,7 @@ class ProblemDefinition:
         """Columns for tip, flat below, slide, friction, tilt, fluid and yield, in order."""
         soft_tip = SOFT_TIP_COLUMNS if self.indenter.lens else ()
         if soft_tip or self.domain.rests_on_flat:
-            # Neither is modelled with friction or pore fluid.
+            # Soft tips and bodies on a flat are not modelled with friction or pore fluid.
             return (*soft_tip, *(RESTING_COLUMNS if self.domain.rests_on_flat else ()))
         fluid = FLUID_COLUMNS if self.permeable_regions else ()
         plastic = PLASTIC_COLUMNS if self.yields else ()

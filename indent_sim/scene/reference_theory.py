@@ -212,7 +212,8 @@ def _spherical_body_theory(
     if body.rests_on_flat and not is_cap:
         plate = profiles.tip_over_spherical_body(profiles.flat_plate(), body.radius)
         series = ContactsInSeries(contact, Layer.from_stack(plate, stack))
-        return Theory("two contacts in series", False, f"{why}, for each of both contacts", series)
+        reason = f"{why}, for each of the two contacts"
+        return Theory("two contacts in series", False, reason, series)
     return Theory("layer theory" if is_cap else "half-space theory", False, why, contact)
 
 
