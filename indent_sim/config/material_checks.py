@@ -152,6 +152,66 @@ def _flow_law_errors(key: str, material: Material) -> Iterator[ConfigError]:
         )
 
 
+def plasticity_errors(config: SceneSections) -> Iterator[ConfigError]:
+    """Yield errors in the plasticity of the materials, and keys that exclude it."""
+    laws = {f"{key}.plasticity": law for key, law in config.materials() if law.plasticity}
+    for key, law in laws.items():
+        yield from _hardening_errors(key, law)
+    if not laws:
+        return
+    key = next(iter(laws))
+    whole_body = "a body of which a part yields"
+    for law_key, law in config.materials():
+        for slot, verb in (("relaxation", "relaxes"), ("flow", "drains")):
+            if getattr(law, slot):
+                problem = f"{whole_body} is not modelled together with one that {verb}"
+                yield ConfigError(f"{law_key}.{slot}", problem, f"leave it or {key} out")
+    if config.loading.prescribed_history is not None:
+        path_key = config.loading.given_path_keys[0]
+        yield ConfigError(
+            f"loading.{path_key}",
+            "is a load path in time, but yield does not depend on time",
+            "give deltas or forces",
+        )
+    if config.indenter.lens:
+        problem = "a soft tip needs a linear body, but this one yields"
+        yield ConfigError("indenter.material", problem, f"leave it or {key} out")
+    if config.contact.may_snap_through or (config.experiment and config.experiment.adhesion):
+        section = "contact" if config.contact.may_snap_through else "experiment"
+        problem = "is not verified together with yield"
+        yield ConfigError(f"{section}.adhesion", problem, f"leave it or {key} out")
+    if isinstance(config.contact, Nitsche):
+        problem = "nitsche uses the stress of the body, which yields"
+        yield ConfigError("contact.method", problem, "use augmented_lagrangian")
+    if getattr(config.body, "surface_tension", 0.0):
+        problem = "is not verified together with yield"
+        yield ConfigError("body.surface_tension", problem, f"leave it or {key} out")
+
+
+def _hardening_errors(key: str, law: Material) -> Iterator[ConfigError]:
+    """Yield errors in the plasticity of one material."""
+    plasticity = law.plasticity
+    assert plasticity
+    given = plasticity.hardening_laws
+    if len(given) > 1:
+        yield ConfigError(
+            f"{key}.{given[1]}",
+            f"is a second hardening law beside {given[0]}",
+            "give one of n, linear and voce, or none for perfect plasticity",
+        )
+    try:
+        E = law.canonical().constants.E
+    except (ArithmeticError, ValueError):
+        return  # reported by `material_errors`
+    if (voce := plasticity.voce) and voce.rise > E * voce.strain:
+        yield ConfigError(
+            f"{key}.voce",
+            f"rise/strain = {voce.rise / voce.strain:g}, the hardening modulus at first yield, "
+            f"exceeds Young's modulus {E:g}",
+            "use a smaller rise or a larger strain",
+        )
+
+
 def relaxation_errors(config: SceneSections) -> Iterator[ConfigError]:
     """Yield errors in the relaxation of the materials."""
     laws = dict(config.materials())

@@ -33,7 +33,12 @@ from indent_sim.config.key_types import (
     union_members,
 )
 from indent_sim.config.loading_checks import history_errors, load_path_errors
-from indent_sim.config.material_checks import flow_errors, material_errors, relaxation_errors
+from indent_sim.config.material_checks import (
+    flow_errors,
+    material_errors,
+    plasticity_errors,
+    relaxation_errors,
+)
 from indent_sim.config.mesh_checks import accuracy_errors, mesh_file_errors
 from indent_sim.config.path_checks import directory_errors
 from indent_sim.config.scene_sections import AccuracyPreset as AccuracyPreset
@@ -81,6 +86,7 @@ CONSISTENCY_CHECKS = (
     surface_tension_errors,
     inclusion_errors,
     material_errors,
+    plasticity_errors,
     flow_errors,
     contact_errors,
     load_path_errors,

@@ -184,7 +184,7 @@ def soft_tip_errors(config: SceneSections) -> Iterator[ConfigError]:
         problem = f"must not exceed the radius R = {tip.R:g}: the tip is a cap of a ball"
         yield ConfigError("indenter.thickness", problem, f"use at most {tip.R:g}, half a ball")
     key = "indenter.material"
-    for slot, words in (("relaxation", "relax"), ("flow", "drain")):
+    for slot, words in (("relaxation", "relax"), ("flow", "drain"), ("plasticity", "yield")):
         if getattr(tip.material, slot) is not None:
             problem = f"a soft tip does not {words}: its material is linear elastic"
             yield ConfigError(f"{key}.{slot}", problem, "leave it out")
@@ -228,6 +228,11 @@ def _soft_tip_conflicts(config: SceneSections, key: str) -> Iterator[ConfigError
             any(material.is_time_dependent for _, material in config.materials()),
             "needs a body that does not depend on time",
             "leave material.flow and relaxation of shear out",
+        ),
+        (
+            any(material.plasticity for _, material in config.materials()),
+            "needs a body that does not yield",
+            "leave material.plasticity out",
         ),
         (
             not contact.is_conservative,

@@ -281,12 +281,21 @@ class Problem:
         """
         return self.sum_over_body(sum(term.side_force(axis) for term in self.terms))
 
+    def hold_plastic_flow(self, *, is_held: bool) -> None:
+        """Suppress plastic flow in all terms, or permit it again."""
+        for term in self.terms:
+            term.hold_plastic_flow(is_held=is_held)
+
+    def plastic_dissipation(self) -> float:
+        """Energy dissipated by plastic flow in the whole body so far [energy]."""
+        return self.sum_over_body(sum(term.plastic_dissipation() for term in self.terms))
+
     def moment(self) -> float:
         """Moment of the vertical force of the whole body on the tip [force length]."""
         return self.sum_over_body(sum(term.moment() for term in self.terms))
 
     def dissipation(self) -> float:
-        """Energy dissipated by the whole body in the current increment [energy]."""
+        """Energy dissipated by friction in the current increment, of the whole body [energy]."""
         return self.sum_over_body(sum(term.dissipation() for term in self.terms))
 
     def energy(self) -> float:

@@ -20,6 +20,7 @@ from indent_sim.model.algebra import (
 )
 from indent_sim.model.finite_strain import nonlinear_volume_growth
 from indent_sim.model.isotropic_constants import ISOTROPIC_CONSTANTS, young_and_poisson
+from indent_sim.model.plasticity import Plasticity
 from indent_sim.model.pore_flow import Flow
 from indent_sim.model.relaxation import Relaxation
 from indent_sim.model.units import (
@@ -52,12 +53,13 @@ class ElasticLaw(ABC):
 
     is_small_strain: ClassVar[bool] = False
     is_isotropic: ClassVar[bool] = True
-    # The stress is the derivative of an energy: a closed strain cycle costs no work.
-    is_conservative: ClassVar[bool] = True
-    # The stress depends on earlier strains as well as on the present one.
-    is_path_dependent: ClassVar[bool] = False
     relaxation: Relaxation | None
     flow: Flow | None
+
+    @property
+    def plasticity(self) -> Plasticity | None:
+        """Yield and hardening of the law; None if it does not yield."""
+        return None
 
     @property
     def has_shear_relaxation(self) -> bool:

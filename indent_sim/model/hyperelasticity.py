@@ -20,6 +20,8 @@ from indent_sim.model.algebra import (
 )
 from indent_sim.model.elastic_law import Constants, ElasticLaw, Formulation, TwoConstantLaw
 from indent_sim.model.finite_strain import excess_and_log_J
+from indent_sim.model.logarithmic_strain import square_of_unimodular
+from indent_sim.model.plasticity import Plasticity
 from indent_sim.model.pore_flow import Flow
 from indent_sim.model.relaxation import Relaxation
 from indent_sim.model.units import (
@@ -217,6 +219,41 @@ class _IsochoricLaw(ElasticLaw):
     def inverse_bulk_modulus(self) -> Expr:
         """Inverse bulk modulus 1/kappa [1/pressure]."""
         return self.volumetric_compliance
+
+
+@dataclass(frozen=True)
+class Hencky(TwoConstantLaw, _IsochoricLaw):
+    """Hencky's law, mu dev e : dev e + kappa/2 (ln J)^2 with the logarithmic strain e.
+
+    Any two of E [pressure], nu [1], mu [pressure], kappa [pressure], lame_lambda [pressure] define
+    it. With `plasticity` it is the law of a metal or a glass, whose elastic strains are small.
+    """
+
+    plasticity: Plasticity | None = None
+    model: Literal["hencky"] = "hencky"
+
+    @property
+    def small_strain_mu(self) -> Expr:
+        """Shear modulus mu [pressure]."""
+        return self.shear_modulus
+
+    @property
+    def poynting_coefficient(self) -> Expr:
+        """Coefficient k = mu/2 of the Poynting effect [pressure]."""
+        return self.shear_modulus / 2
+
+    @property
+    def volumetric_compliance(self) -> Expr:
+        """Inverse bulk modulus 3 (1 - 2 nu)/E [1/pressure]; 0 if incompressible."""
+        return 3 * (1 - 2 * self.nu) / self.E  # type: ignore[operator]
+
+    def isochoric_energy(self, excess: Expr, square: Expr, cube: Expr) -> Expr:
+        """Return mu sum e_i^2 [pressure] with the logarithms e_i of the stretches."""
+        return self.shear_modulus * square_of_unimodular(excess, square, cube)
+
+    def energy_of_stretches(self, l1: Expr, l2: Expr, l3: Expr) -> Expr:
+        """Return mu sum (ln l_i)^2 [pressure]."""
+        return self.shear_modulus * sum(algebra.log(stretch) ** 2 for stretch in (l1, l2, l3))
 
 
 @dataclass(frozen=True)

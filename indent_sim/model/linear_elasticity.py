@@ -13,6 +13,7 @@ from indent_sim.model.algebra import (
     ufl,
 )
 from indent_sim.model.elastic_law import Constants, ElasticLaw, Formulation, TwoConstantLaw
+from indent_sim.model.plasticity import Plasticity
 from indent_sim.model.pore_flow import Flow
 from indent_sim.model.relaxation import Relaxation
 from indent_sim.model.units import (
@@ -31,6 +32,7 @@ class LinearElastic(TwoConstantLaw):
     [pressure], kappa [pressure] and lame_lambda [pressure].
     """
 
+    plasticity: Plasticity | None = None
     model: Literal["linear_elastic"] = "linear_elastic"
 
     is_small_strain: ClassVar[bool] = True

@@ -7,6 +7,7 @@ from indent_sim.model.hyperelasticity import (
     ArrudaBoyce,
     Fung,
     Gent,
+    Hencky,
     MooneyRivlin,
     NeoHookean,
     Ogden,
@@ -18,6 +19,7 @@ Material = (
     LinearElastic
     | TransverselyIsotropic
     | NeoHookean
+    | Hencky
     | MooneyRivlin
     | Yeoh
     | Ogden
@@ -27,4 +29,6 @@ Material = (
     | Gel
 )
 # Laws whose energy separates into a shear and a volumetric part, so that shear may relax alone.
-ShearRelaxingLaw = LinearElastic | MooneyRivlin | Yeoh | Ogden | Gent | Fung | ArrudaBoyce
+ShearRelaxingLaw = LinearElastic | Hencky | MooneyRivlin | Yeoh | Ogden | Gent | Fung | ArrudaBoyce
+# Laws that may have `plasticity`.
+YieldingLaw = LinearElastic | Hencky

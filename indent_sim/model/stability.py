@@ -14,7 +14,7 @@ import numpy as np
 
 from indent_sim.model.algebra import Expr
 from indent_sim.model.gel import Gel
-from indent_sim.model.hyperelasticity import Fung, Gent, NeoHookean
+from indent_sim.model.hyperelasticity import Fung, Gent, Hencky, NeoHookean
 from indent_sim.model.linear_elasticity import LinearElastic, TransverselyIsotropic
 from indent_sim.model.materials import Material
 from indent_sim.model.tips import Indenter
@@ -75,8 +75,8 @@ def largest_strain(tip: Indenter, a: float, delta: float, height: float) -> floa
 def instability_warnings(material: Material, strain: float) -> list[str]:
     """Return a warning for each deformation in which the law becomes unstable within `strain`."""
     # Fung's psi is a convex increasing function of I1 - 3, which is convex in logarithmic strains;
-    # the stability of a gel is that of its free swelling.
-    if isinstance(material, LinearElastic | TransverselyIsotropic | Fung | Gel):
+    # Hencky's is the sum of their squares. The stability of a gel is that of its free swelling.
+    if isinstance(material, LinearElastic | TransverselyIsotropic | Fung | Hencky | Gel):
         return []
     if isinstance(material, NeoHookean):
         return _auxetic_instability(material, strain)

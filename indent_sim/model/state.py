@@ -22,6 +22,8 @@ TILT_COLUMNS = ("moment", "x_contact")
 SLIDE_COLUMNS = ("slide",)
 # Columns of scenes with fluid in the pores.
 FLUID_COLUMNS = ("outflow", "pore_pressure_max")
+# Columns of scenes with a body that yields.
+PLASTIC_COLUMNS = ("plastic_dissipation", "hardness")
 # Columns of scenes with a soft tip.
 SOFT_TIP_COLUMNS = ("tip_sink", "tip_energy")
 # Columns of bodies that rest on a flat without a bond.
@@ -163,6 +165,10 @@ class State:
         Radius of the region that does not slip, with friction [length].
     dissipation
         Energy dissipated by friction since the previous row [energy].
+    plastic_dissipation
+        Energy dissipated by plastic flow since the undeformed state [energy].
+    hardness
+        Force over contact area of a body that yields [pressure].
     side_force_x, side_force_y
         Horizontal force on the tip, with friction, a tilt or a slide, along an axis to which no
         mirror plane is normal [force]. Of a sliding tip it includes the force of the pressure on
@@ -234,6 +240,8 @@ class State:
     slide: float | None = None
     stick_radius: float | None = None
     dissipation: float | None = None
+    plastic_dissipation: float | None = None
+    hardness: float | None = None
     side_force_x: float | None = None
     side_force_y: float | None = None
     moment: float | None = None
@@ -359,9 +367,9 @@ def _field_units(scales: Scales) -> dict[str, float]:
     )
     units |= dict.fromkeys((*lengths, *RESTING_COLUMNS), L)
     units["moment"] = F * L
-    units |= dict.fromkeys(("energy", "tip_energy", "dissipation"), energy)
+    units |= dict.fromkeys(("energy", "tip_energy", "dissipation", "plastic_dissipation"), energy)
     units |= dict.fromkeys(("outflow", "moved", "unbalanced"), energy / P)
-    units |= dict.fromkeys(("p_max", "E_hertz", "pore_pressure_max"), P)
+    units |= dict.fromkeys(("p_max", "E_hertz", "hardness", "pore_pressure_max"), P)
     depths = {"delta": depth, "z": depth}
     return (
         units

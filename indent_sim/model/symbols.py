@@ -140,6 +140,16 @@ power_law: E(t) = E (t/time)^-exponent
 of: which moduli relax: all alike at constant nu, or shear alone at constant bulk modulus
 exponent [1] $b$: exponent of the power law, between 0 (elastic) and 1 (a liquid)
 time [time] $t_0$: time at which the modulus of the power law is `material.E`
+plasticity: von Mises yield with isotropic hardening, of a metal or a glass
+yield_stress [pressure] $\sigma_y$: yield stress in uniaxial tension before any plastic strain
+plasticity.n [1] $n$: exponent of power-law hardening, yield_stress (1 + E alpha/yield_stress)^n
+  with the equivalent plastic strain alpha
+material.n [1] $n$: exponent of power-law hardening
+plasticity.linear [pressure]: hardening modulus: the yield stress grows by linear alpha
+material.linear [pressure]: hardening modulus of plasticity
+voce: saturating hardening: the yield stress grows by rise (1 - exp(-alpha/strain))
+rise [pressure]: largest growth of the yield stress
+strain [1]: equivalent plastic strain at which 63 % of the rise is reached
 E_star [pressure] $E^*$: plane-strain modulus E / (1 - nu^2)
 
 ## Indenter
@@ -311,6 +321,9 @@ stick_radius [length]: sqrt(area/pi) of the part of the contact that does not sl
 dissipation [energy]: energy dissipated by friction since the previous row; with friction
 slide [length] $x$: horizontal displacement of the tip from where it was pressed in; with
   loading.slide
+plastic_dissipation [energy]: energy dissipated by plastic flow since the undeformed state; with
+  plasticity
+hardness [pressure] $H$: force over contact area under load; with plasticity
 side_force_x [force]: force on the tip along x; with friction, a slide, or a tilt and gap: current,
   if no mirror plane is normal to x; of a sliding tip with the force of the pressure on its slope
 side_force_y [force]: force on the tip along y, as side_force_x

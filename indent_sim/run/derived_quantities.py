@@ -25,7 +25,8 @@ class DerivedQuantities:
 
     The stiffness is the tangent dF/ddelta. For a solution by theory and for a condensed
     axisymmetric body, it is computed as the stiffness of a flat punch with the contact radius,
-    because the tangent on a mesh jumps by a per cent whenever a new point comes into contact.
+    because the tangent on a mesh jumps by a per cent whenever a new point comes into contact. For a
+    body that yields, it is the tangent at the beginning of unloading.
 
     Parameters
     ----------
@@ -60,6 +61,8 @@ class DerivedQuantities:
         )
         E_hertz = self._optional_output("E_hertz", lambda: self._hertz_modulus(state), nan)
         values = {"stiffness": stiffness, "area": area, "E_hertz": E_hertz}
+        if "hardness" in self.scene.physics.columns:
+            values["hardness"] = _hardness(state, self.scene)
         if state.krylov_iterations is not None:
             values["krylov_iterations"] = (
                 state.krylov_iterations + self._krylov_iterations - krylov_before
@@ -85,7 +88,7 @@ class DerivedQuantities:
         if state.stiffness is not None:
             return state.stiffness
         physics = self.scene.physics
-        if physics.depends_on_step_size:
+        if physics.has_friction or physics.is_time_dependent:
             return nan
         if self.scene.plan.adhesion is None and (state.delta <= 0 or state.force <= 0):
             return 0.0
@@ -104,6 +107,12 @@ class DerivedQuantities:
                     contact_radius(self._punches, state.delta, state.a)
                 ).stiffness
         return float(self._equilibrium.stiffness)
+
+
+def _hardness(state: State, scene: Scene) -> float:
+    """Return force over contact area [pressure]; NaN without contact."""
+    area = scene.physics.domain.kinematics.contact_area(state.a)
+    return state.force / area if area > 0 else nan
 
 
 def punches_of(scene: Scene, equilibrium: Equilibrium = None) -> Punches:

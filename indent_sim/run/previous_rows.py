@@ -75,6 +75,26 @@ class PreviousRows:
         depth, force, bar = self._columns[:, : self._count]
         return self._row_at_maximum(-force - bar, depth > delta)
 
+    def work_to(self, state: State) -> tuple[float, float]:
+        """Return the work of the tip from first contact to a next row, and the error of it.
+
+        The work is the integral of the force over the rows by trapezoids [energy]. The error is
+        estimated by leaving out every second row, with a factor of safety of 3; it is infinite for
+        the first four rows.
+        """
+        if self._count < 4:
+            return 0.0, inf
+        depths, forces = (
+            np.concatenate([[0.0], self._columns[k, : self._count], [value]])
+            for k, value in ((0, state.delta), (1, state.force))
+        )
+        kept = np.unique([*range(len(depths) - 1, -1, -2), 0])
+        fine, coarse = (
+            float(np.sum(np.diff(x) * (F[1:] + F[:-1]) / 2))
+            for x, F in ((depths, forces), (depths[kept], forces[kept]))
+        )
+        return fine, abs(fine - coarse)
+
     def _row_at_maximum(self, value: np.ndarray, where: np.ndarray) -> RowForce | None:
         """Return the row with the largest value among the selected rows, or None."""
         if not where.any():

@@ -12,6 +12,10 @@ the tip snaps in or off. With flow or relaxation depth and force depend on time,
 compare rows are left out. With friction a part of the work of loading is dissipated, so that forces
 are compared only during loading.
 
+A body that yields stores only a part of the work and keeps an imprint, which the tip need not touch
+at a smaller depth. The bounds on its energy and by elastic theory are replaced by the balance of
+work, stored and dissipated energy during loading.
+
 Each rule is a function of the scene, a converged state and the previous rows (in the user's units).
 It returns a sentence, or None if the state satisfies it. The bounds are wide enough for coarse
 meshes and soft penalties.
@@ -65,7 +69,10 @@ def violated_bound(scene: Scene, state: State, earlier: PreviousRows) -> str | N
         "(contact.friction: 0)"
     )
     for rule in _applicable_rules(
-        is_pressed, scene.physics.is_time_dependent, scene.physics.contact.may_snap_through
+        is_pressed,
+        scene.physics.is_time_dependent,
+        scene.physics.contact.may_snap_through,
+        scene.physics.yields,
     ):
         if violation := rule(scene, state, earlier):
             is_side = rule is _check_outside_penetration and scene.physics.is_compressed
@@ -74,7 +81,9 @@ def violated_bound(scene: Scene, state: State, earlier: PreviousRows) -> str | N
 
 
 @cache
-def _applicable_rules(is_pressed: bool, is_time_dependent: bool, may_snap_through: bool) -> Rules:
+def _applicable_rules(
+    is_pressed: bool, is_time_dependent: bool, may_snap_through: bool, yields: bool
+) -> Rules:
     """Return the rules that apply to a row.
 
     Parameters
@@ -85,10 +94,13 @@ def _applicable_rules(is_pressed: bool, is_time_dependent: bool, may_snap_throug
         True if the force depends on time.
     may_snap_through
         True if the tip may snap in or off.
+    yields
+        True if the body may yield.
     """
     excluded = {
         *(REPULSIVE_RULES if may_snap_through else ()),
         *(ELASTIC_RULES if is_time_dependent else ()),
+        *(RULES_WITHOUT_YIELD if yields else PLASTIC_RULES),
     }
     return tuple(
         rule
@@ -125,7 +137,8 @@ def _check_no_force_above(scene: Scene, state: State, earlier: PreviousRows) -> 
 
 def _check_contact_found(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
     """Check that a > 0 and, without snap-through, F > 0 where tip and undeformed body overlap."""
-    if (state.force > 0 or scene.physics.contact.may_snap_through) and state.a > 0:
+    is_touching = (state.force > 0 or scene.physics.contact.may_snap_through) and state.a > 0
+    if is_touching or _may_be_in_imprint(scene, state, earlier):
         return None
     missing_text = "no force" if state.force <= 0 else "no contact radius"
     mesh = f"the mesh (h_contact = {scene.sizes.h_contact * scene.physics.scales.length:.3g})"
@@ -184,7 +197,8 @@ def _check_new_solution(scene: Scene, state: State, earlier: PreviousRows) -> st
         else 0.0
     )
     is_other = moved > FORCE_NOISE * DEPTH_TOLERANCE * abs(state.force)
-    if state.newton_iterations > 0 or not is_new or is_other:
+    is_solved = state.newton_iterations > 0 or not is_new or is_other
+    if is_solved or _may_be_in_imprint(scene, state, earlier):
         return None
     return "no iteration was done for this depth, and the force is that of the previous depth"
 
@@ -250,8 +264,9 @@ def _check_force_growth(scene: Scene, state: State, earlier: PreviousRows) -> st
     last = earlier.last
     if earlier.slide_distance + earlier.slide_increment(state) > 0:
         return None  # the force at one depth may change as the tip slides
-    if scene.physics.has_friction and last and (earlier.has_turned or state.delta < last.delta):
-        return None  # friction makes the force smaller in unloading
+    may_lag = scene.physics.has_friction or scene.physics.yields
+    if may_lag and last and (earlier.has_turned or state.delta < last.delta):
+        return None  # friction and yield make the force smaller in unloading
     # Largest relative fall of the force with increasing depth: of linear problems, which are solved
     # to 1e-7, and of all others, whose force is not smooth on a mesh.
     max_linear_fall = 1e-3
@@ -332,6 +347,26 @@ def _check_against_theory(scene: Scene, state: State, earlier: PreviousRows) -> 
     )
 
 
+def _check_plastic_work(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
+    """Check that the work of loading is the stored and the dissipated energy, without friction.
+
+    The work is the integral of the force over the rows by trapezoids, whose error is estimated.
+    """
+    is_loading = state.delta > max(earlier.max_depth, 0.0) and not earlier.has_turned
+    if state.plastic_dissipation is None or scene.physics.has_friction or not is_loading:
+        return None
+    work, error = earlier.work_to(state)
+    total = state.energy + state.plastic_dissipation
+    # As in `_check_energy`, of F delta
+    tolerance = 0.02
+    if abs(work - total) <= tolerance * state.force * state.delta + error:
+        return None
+    return (
+        f"the work of the tip is {work:.6g}, but the stored energy is {state.energy:.6g} and the "
+        f"energy dissipated by plastic flow {state.plastic_dissipation:.6g}"
+    )
+
+
 GENERAL_RULES: Rules = (
     _check_finite,
     _check_overlap,
@@ -348,6 +383,7 @@ CONTACT_RULES: Rules = (
     _check_new_solution,
     _check_energy,
     _check_side_force,
+    _check_plastic_work,
     _check_against_theory,
 )
 REPULSIVE_RULES: Rules = (
@@ -365,6 +401,18 @@ ELASTIC_RULES: Rules = (
     _check_energy,
     _check_against_theory,
 )
+
+# Rules that a body which yields breaks, and those for such bodies alone.
+RULES_WITHOUT_YIELD: Rules = (
+    _check_energy,
+    _check_against_theory,
+)
+PLASTIC_RULES: Rules = (_check_plastic_work,)
+
+
+def _may_be_in_imprint(scene: Scene, state: State, earlier: PreviousRows) -> bool:
+    """True if the tip may hang free in the imprint that a larger depth has left."""
+    return scene.physics.yields and state.delta < earlier.max_depth
 
 
 def _is_at_first_contact(scene: Scene, state: State) -> bool:

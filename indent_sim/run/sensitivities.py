@@ -55,6 +55,12 @@ def sensitivities(config: Config, keys: Sequence[str], step: float = 0.02) -> De
         If one of the scenes is not solved.
     """
     base = resolve(config)
+    if base.physics.yields:
+        raise ConfigError(
+            "material.plasticity",
+            "derivatives of the force of a body that yields are not computed",
+            "leave it out, or run a study of the keys",
+        )
     if base.physics.path.control != "depth" or base.is_time_dependent:
         raise ConfigError(
             "loading",

@@ -26,9 +26,9 @@ def energy_balance(states: list[State], side_force: str = "") -> float | None:
     side_force
         Column of the side force along the slide; empty if the tip does not slide.
     """
-    stored_and_dissipated = (states[-1].energy if states else 0.0) + sum(
-        state.dissipation or 0.0 for state in states
-    )
+    stored_and_dissipated = (
+        states[-1].energy + (states[-1].plastic_dissipation or 0.0) if states else 0.0
+    ) + sum(state.dissipation or 0.0 for state in states)
     if (
         len(states) < 2
         or stored_and_dissipated == 0

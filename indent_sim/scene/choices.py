@@ -49,11 +49,9 @@ def model_choices(setup: ProblemSetup) -> Choices:
         "two contacts in series on one compliance, each with its own radius; the flat below is "
         "rigid and without friction, and delta is the approach of tip and flat"
     )
-    strain = (
-        ("small", "the material is linear elastic")
-        if physics.small_strain
-        else ("finite", "the material is hyperelastic")
-    )
+    kind = "linear elastic" if physics.small_strain else "hyperelastic"
+    plastic = ", and yields" if physics.yields else ""
+    strain = ("small" if physics.small_strain else "finite", f"the material is {kind}{plastic}")
     force_reason = (
         "forces are prescribed: the depth of each is found by load control, with force(depth) "
         "assumed to increase"

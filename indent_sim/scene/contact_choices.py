@@ -80,6 +80,12 @@ def gap(settings: Contact, setup: ProblemSetup) -> tuple[str, Choice]:
             f"'current' does not fit this scene: the contact pressure {SIDEWAYS_TEXT}",
             remedy,
         )
+    if gap_kind == "reference" and physics.yields and not physics.small_strain:
+        problem = (
+            "'reference' does not fit a body that yields at finite strain: its surface flows along "
+            "the tip"
+        )
+        raise ConfigError("contact.gap", problem, "use current, or the law linear_elastic")
     reasons = {
         "reference": (
             "linear elastic: evaluated at the undeformed point, as in the problem of Hertz"

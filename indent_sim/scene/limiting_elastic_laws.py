@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from indent_sim.model.elastic_law import TwoConstantLaw
 from indent_sim.model.gel import Gel
 from indent_sim.model.hyperelasticity import NeoHookean
-from indent_sim.model.linear_elasticity import LinearElastic, TransverselyIsotropic
+from indent_sim.model.linear_elasticity import TransverselyIsotropic
 from indent_sim.model.materials import Material
 from indent_sim.model.units import Scales
 from indent_sim.theory.poroelasticity import PorousSolid
@@ -39,7 +40,7 @@ def undrained_law(material: Material) -> Material:
     assert flow.permeability is not None
     solid = PorousSolid(E, nu, flow.permeability, flow.alpha, flow.storage)
     undrained_values = {"nu": solid.undrained_nu, "flow": None, "formulation": "auto"}
-    if isinstance(material, LinearElastic | NeoHookean):
+    if isinstance(material, TwoConstantLaw):
         undrained_values["E"] = solid.undrained_E
     return replace(material, **undrained_values)  # type: ignore[arg-type]
 
@@ -96,6 +97,6 @@ def relaxed_law(material: Material, fraction_remaining: float) -> Material:
     law = Scales(1.0, 1.0 / fraction_remaining).nondimensionalize(replace(material, flow=None))
     if material.has_shear_relaxation and material.constants.nu < 0.5:
         E, nu = material.relaxed_constants(fraction_remaining)
-        relaxed_constants = {"nu": nu} | ({"E": E} if isinstance(law, LinearElastic) else {})
+        relaxed_constants = {"nu": nu} | ({"E": E} if isinstance(law, TwoConstantLaw) else {})
         law = replace(law, **relaxed_constants)  # type: ignore[arg-type]
     return replace(law, relaxation=None, flow=material.flow)

@@ -18,6 +18,7 @@ from indent_sim.model.materials import Material
 from indent_sim.model.state import (
     FLUID_COLUMNS,
     FRICTION_COLUMNS,
+    PLASTIC_COLUMNS,
     RESTING_COLUMNS,
     SLIDE_COLUMNS,
     SOFT_TIP_COLUMNS,
@@ -322,6 +323,11 @@ class ProblemDefinition:
         return tuple(region for region in self.domain.regions if region.material.relaxation)
 
     @property
+    def yields(self) -> bool:
+        """True if a material of the body may yield."""
+        return any(region.material.plasticity for region in self.domain.regions)
+
+    @property
     def is_time_dependent(self) -> bool:
         """True if the force changes with time at a constant depth."""
         return any(region.material.is_time_dependent for region in self.domain.regions)
@@ -329,12 +335,12 @@ class ProblemDefinition:
     @property
     def is_path_dependent(self) -> bool:
         """True if the force depends on the load path or on time."""
-        return self.contact.is_path_dependent or self.is_time_dependent
+        return self.contact.is_path_dependent or self.is_time_dependent or self.yields
 
     @property
     def depends_on_step_size(self) -> bool:
-        """True if the result depends on the step size: friction or a time-dependent body."""
-        return self.has_friction or self.is_time_dependent
+        """True if the result depends on the step size: friction, yield, a time-dependent body."""
+        return self.has_friction or self.is_time_dependent or self.yields
 
     @property
     def searches_pull_off(self) -> bool:
@@ -350,12 +356,13 @@ class ProblemDefinition:
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """Columns of the table for tip, flat below, slide, friction, tilt and fluid, in order."""
+        """Columns for tip, flat below, slide, friction, tilt, fluid and yield, in order."""
         soft_tip = SOFT_TIP_COLUMNS if self.indenter.lens else ()
         if soft_tip or self.domain.rests_on_flat:
             # Neither is modelled with friction or pore fluid.
             return (*soft_tip, *(RESTING_COLUMNS if self.domain.rests_on_flat else ()))
         fluid = FLUID_COLUMNS if self.permeable_regions else ()
+        plastic = PLASTIC_COLUMNS if self.yields else ()
         tilt = TILT_COLUMNS if self.has_moment else ()
         side_force_columns = [f"side_force_{axis}" for axis in self.side_force_axes]
         return (
@@ -367,6 +374,7 @@ class ProblemDefinition:
             ),
             *tilt,
             *fluid,
+            *plastic,
         )
 
     @property
@@ -441,8 +449,8 @@ class ProblemDefinition:
 
     @property
     def is_linear(self) -> bool:
-        """True if strains are small and the gap is evaluated at the undeformed point."""
-        return self.small_strain and self.gap == "reference"
+        """True if strains are small, the gap is at the undeformed point, and nothing yields."""
+        return self.small_strain and self.gap == "reference" and not self.yields
 
     def solver_work(self, method: str, linear: str) -> SolverWork:
         """Return the properties on which the cost of solving by a method depends.

@@ -215,6 +215,7 @@ class Scene:
                 not physics.small_strain and not is_finite,
                 "strains are finite, but the theory is for small strain",
             ),
+            (physics.yields, "the body yields, but the theory is elastic"),
             (physics.has_friction, FRICTION_WHY),
             (physics.slides, "the tip slides, but the theory has no sideways motion"),
             (

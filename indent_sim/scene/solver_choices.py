@@ -63,6 +63,7 @@ def solver(config: Config, setup: ProblemSetup, physics: ProblemDefinition, node
     )
     obstacle = first_reason(
         (not physics.small_strain, "the material is not linear"),
+        (physics.yields, "the material yields"),
         (physics.gap == "current", "the gap at the deformed point makes the problem nonlinear"),
         (bool(law.reason_not_condensable), law.reason_not_condensable),
         (bool(physics.permeable_regions), "the pore pressure is an unknown inside the body"),
@@ -76,6 +77,10 @@ def solver(config: Config, setup: ProblemSetup, physics: ProblemDefinition, node
             f"about {size_text} (static condensation is limited to {MAX_CANDIDATES} nodes)",
         ),
     )
+    if obstacle and (physics.indenter.lens or physics.domain.rests_on_flat):
+        two_bodies = "indenter.material" if physics.indenter.lens else "body.base"
+        problem = f"is solved by static condensation, but {obstacle}"
+        raise ConfigError(two_bodies, problem, "use a rigid tip, and a base that is bonded")
     if requested == "condensed" and obstacle:
         raise ConfigError(
             "solver.method", f"'condensed' does not fit this scene: {obstacle}", "use 'newton'"
@@ -107,6 +112,7 @@ def iterative_obstacle(config: Config, physics: ProblemDefinition, sizes: Sizes)
             bool(physics.relaxing_regions),
             "bodies with shear relaxation are factorized once for each length of the time step",
         ),
+        (physics.yields, "the preconditioner does not support bodies that yield"),
         (
             law.multiplier in ("stress", "nodal"),
             f"{law.method} has a tangent that is not symmetric",
@@ -259,6 +265,7 @@ def config_obstacle(config: Config) -> str:
     return first_reason(
         (isinstance(config.body, MeshFromFile), "there is no theory for a body from a mesh file"),
         (not all(material.is_small_strain for material in materials), "the material is not linear"),
+        (any(material.plasticity for material in materials), "the theory does not include yield"),
         (
             any(material.flow for _, material in config.materials()),
             "the theory does not include pore fluid",

@@ -15,6 +15,7 @@ from indent_sim.model.hyperelasticity import (
     ArrudaBoyce,
     Fung,
     Gent,
+    Hencky,
     MooneyRivlin,
     NeoHookean,
     Ogden,
@@ -24,6 +25,7 @@ from indent_sim.model.linear_elasticity import LinearElastic
 
 LAWS: dict[str, Any] = {
     "neo_hookean": NeoHookean(mu=1.0, lame_lambda=1.5).canonical(),
+    "hencky": Hencky(E=2.5, nu=0.3),
     "mooney_rivlin": MooneyRivlin(C10=0.3, C01=0.2, nu=0.3),
     "yeoh": Yeoh(C10=0.5, C20=-0.05, C30=0.02, nu=0.3),
     "ogden": Ogden(mu=(0.6, -0.2), alpha=(1.7, -2.3), nu=0.3),
@@ -34,7 +36,7 @@ LAWS: dict[str, Any] = {
 # Where stretches meet roots are kept off zero by 1e-6 or 3e-6 (model/algebra.py): 1e-11 of energies
 # and stresses, a few tens of it with exponents and strains like these. The other laws are exact to
 # round-off.
-EXACT = {name: 1e-12 for name in LAWS} | {"ogden": 1e-9}
+EXACT = {name: 1e-12 for name in LAWS} | {"ogden": 1e-9, "hencky": 1e-9}
 each_law = pytest.mark.parametrize("name", LAWS)
 
 
@@ -124,6 +126,8 @@ def incompressible_uniaxial(name: str, stretch: float) -> float:
     match name:
         case "neo_hookean":
             return strain * law.shear_modulus
+        case "hencky":
+            return 3 * law.shear_modulus * np.log(stretch) / stretch
         case "mooney_rivlin":
             return 2 * strain * (law.C10 + law.C01 / stretch)
         case "yeoh":
@@ -277,7 +281,7 @@ def test_q_is_the_normal_stress_in_simple_shear(name: str, gamma: float) -> None
     mu = law.constants.E / 3
     shear = gamma * np.outer(I[0], I[1])
     normal_stress = Numbers(law, mixed=True).stress_of_gradient(shear)[1, 1]
-    round_off = {"ogden": 1e-9}.get(name, 1e-14)
+    round_off = {"ogden": 1e-9, "hencky": 1e-9}.get(name, 1e-14)
     assert abs(normal_stress) < mu * (20 * gamma**4 + round_off * gamma)
 
 

@@ -566,7 +566,10 @@ class LoadStepper:
         """Force, depth and time of the last equilibrium."""
         last = self._pending_point or self._points[-1]
         start_time = self.equilibrium.scene.physics.path.start_time or 0.0
-        return LastEquilibrium(self.equilibrium.force, last.delta, start_time + last.load_point.t)
+        load_point = last.load_point
+        return LastEquilibrium(
+            self.equilibrium.force, last.delta, start_time + load_point.t, load_point.slide
+        )
 
     def restore_last(self) -> None:
         """Restore the last accepted equilibrium after a failed increment."""
@@ -655,14 +658,16 @@ class LoadStepper:
         """Solve one increment from an extrapolation, then from the last equilibrium.
 
         If the speed of the tip has changed, as at the beginning of a hold, no extrapolation is
-        made, because it would be wrong.
+        made, because it would be wrong. Nor is one made for a body that yields: a small error of an
+        extrapolated displacement is many yield strains, and a loop took twice the iterations.
         """
         delta = load_point.delta
         dt = load_point.t - self._last_point.load_point.t
         earlier_points: list[EquilibriumPoint] = []
-        # The state is a function of the depth only while the tip does not slide
+        # The state of a body that yields, or below a tip that slides, is no function of the depth.
         is_sliding = load_point.slide != self._points[0].load_point.slide
-        if not is_sliding and (not dt or self._keeps_speed(load_point)):
+        may_extrapolate = not (is_sliding or self.equilibrium.scene.physics.yields)
+        if may_extrapolate and (not dt or self._keeps_speed(load_point)):
             earlier_points = _extrapolation_points(self._points, delta)
         is_extrapolated = len(earlier_points) > 1
         if is_extrapolated:

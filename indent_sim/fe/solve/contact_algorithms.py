@@ -27,7 +27,7 @@ def _newton_with_continuation(newton: Newton, contact: ContactTerms) -> Callable
     elements.
     """
     factors = approach_factors(newton.problem.law, newton.problem.scene)
-    if newton.problem.law.may_snap_through and not factors:
+    if not factors and (newton.problem.law.may_snap_through or newton.problem.scene.physics.yields):
         return newton.solve
 
     solve_softer_first = _restore_on_failure(

@@ -86,8 +86,19 @@ class BodyEquilibrium:
 
     @property
     def stiffness(self) -> float:
-        """Stiffness dF/ddelta of the whole body at the equilibrium [force/length] (collective)."""
-        return self.newton.stiffness()
+        """Stiffness dF/ddelta of the whole body at the equilibrium [force/length] (collective).
+
+        For a body that yields it is that at the beginning of unloading. It must have been accepted.
+        """
+        if not self.scene.physics.yields:
+            return self.newton.stiffness()
+        self.problem.hold_plastic_flow(is_held=True)
+        self.newton.discard_tangent()
+        try:
+            return self.newton.stiffness()
+        finally:
+            self.problem.hold_plastic_flow(is_held=False)
+            self.newton.discard_tangent()
 
     def tighten_tolerance(self) -> float:
         """Tighten the tolerance to round-off; return the resulting relative error of a force.
@@ -398,6 +409,8 @@ class BodyEquilibrium:
         values |= lateral_imbalance(self.scene, support_reactions, self._push_along_slide())
         for name, axis in self.scene.physics.side_force_axes.items():
             values[f"side_force_{name}"] = self.problem.side_force(axis)
+        if self.scene.physics.yields:
+            values["plastic_dissipation"] = self.problem.plastic_dissipation()
         if self.scene.physics.has_moment:
             values |= moment_values(self.problem.moment(), values["force"])
         body = self.problem.body

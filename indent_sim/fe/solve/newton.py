@@ -28,6 +28,9 @@ LINEAR_SOLVER_FAILED = "the linear solver failed"
 CONVERGED = PETSc.SNES.ConvergedReason.CONVERGED_FNORM_RELATIVE
 # Round-off in the residual, relative to the largest reaction of any accepted equilibrium
 REACTION_ROUNDOFF = 1e-14
+# The same of a body that yields: its residual stress remains where no tip presses, so that the
+# round-off of its stress is larger than that of its reactions
+RESIDUAL_STRESS_ROUNDOFF = 1e-12
 # Residual, relative to the reactions, above which the tangent limits the pressure times the tip's
 # curvature (`Traction.tangent`). Below it Newton's method converges quadratically with the full
 # tangent.
@@ -53,6 +56,9 @@ class Newton:
         self.iterations = 0
         self._reaction = 0.0
         self._largest_reaction = _reaction_floor(problem)
+        self._roundoff = (
+            RESIDUAL_STRESS_ROUNDOFF if problem.scene.physics.yields else REACTION_ROUNDOFF
+        )
         self._tangent_parameters: tuple[float, ...] = ()  # parameters of the last tangent
         self._last_solved_depth = 0.0
         self._residual = 0.0
@@ -161,7 +167,7 @@ class Newton:
         """
         sufficient = (
             0.3
-            * (self._tolerance * self._reaction + REACTION_ROUNDOFF * self._largest_reaction)
+            * (self._tolerance * self._reaction + self._roundoff * self._largest_reaction)
             / self._residual
         )
         expected = (
@@ -182,7 +188,7 @@ class Newton:
         if (
             not is_first_of_flow
             and residual
-            <= self._tolerance * self._reaction + REACTION_ROUNDOFF * self._largest_reaction
+            <= self._tolerance * self._reaction + self._roundoff * self._largest_reaction
         ):
             return CONVERGED
         # The residual may rise in the first step
@@ -354,6 +360,10 @@ class Newton:
             self.snes.getKSP().getPC().getFactorMatrix().getMumpsInfog(12) == field_dof_count
         )
 
+    def discard_tangent(self) -> None:
+        """Make the next use of the tangent assemble it anew."""
+        self._has_tangent = False
+
     def stiffness(self) -> float:
         """Return dF/ddelta [force/length] of the equilibrium just found (collective).
 
@@ -480,13 +490,18 @@ def finest_tolerance(problem: Problem) -> float:
 
 
 def line_search(problem: Problem) -> str:
-    """Return the name of PETSc's line search: "bt" for a penalty with Coulomb's law, else "basic".
+    """Return the name of PETSc's line search: "l2" for a body that yields, "basic" for most others.
+
+    An increment is many yield strains long, so that full Newton steps of a body that yields cycle
+    between flow in opposite directions; "l2" chooses the length with the smallest residual.
 
     With a penalty, the tangential traction goes from the slip limit f p (coefficient of friction f,
     pressure p) to -f p over a slip of 2 f p/epsilon_t. Where a point reverses its slip, full Newton
     steps jump back and forth across this range without end; "bt" shortens a step that does not
     reduce the residual. "basic" takes full steps.
     """
+    if problem.scene.physics.yields:
+        return "l2"
     may_oscillate = problem.law.multiplier == "none" and problem.law.may_slip
     return "bt" if may_oscillate else "basic"
 

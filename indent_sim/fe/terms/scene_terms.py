@@ -14,12 +14,14 @@ from indent_sim.fe.terms.contact.traction import Traction
 from indent_sim.fe.terms.contact.viscous_regularization import ViscousRegularization
 from indent_sim.fe.terms.contact_seal import ContactSeal
 from indent_sim.fe.terms.flow import Flow
+from indent_sim.fe.terms.plasticity import PlasticStrainEnergy
 from indent_sim.fe.terms.strain_energy import StrainEnergy, pressure_fields
 from indent_sim.fe.terms.surface_tension import SurfaceTension
 from indent_sim.fe.terms.term import Term
 from indent_sim.fe.terms.viscoelasticity import ViscoelasticStrainEnergy
 from indent_sim.fe.terms.weak_roller import WeakRollerBC
 from indent_sim.fe.unknowns import Field
+from indent_sim.mesh.model_domain import Region
 from indent_sim.scene.scene import Scene
 
 
@@ -87,13 +89,19 @@ def bulk_terms(body: Body) -> BulkTerms:
     """Create the terms of the scene's body."""
     physics = body.scene.physics
     strain_energies = tuple(
-        (ViscoelasticStrainEnergy if region.relaxation_series else StrainEnergy)(body, region)
-        for region in physics.domain.regions
+        _strain_energy_class(region)(body, region) for region in physics.domain.regions
     )
     rollers = (WeakRollerBC(body),) if physics.wall_stiffness else ()
     surface_tension = SurfaceTension(body) if physics.surface_tension else None
     pore_flow, seal = (Flow(body), ContactSeal(body)) if physics.permeable_regions else (None, None)
     return BulkTerms(strain_energies, rollers, pore_flow, seal, surface_tension)
+
+
+def _strain_energy_class(region: Region) -> type[StrainEnergy]:
+    """Return the term for the material of a region."""
+    if region.relaxation_series:
+        return ViscoelasticStrainEnergy
+    return PlasticStrainEnergy if region.material.plasticity else StrainEnergy
 
 
 def contact_terms(body: Body, strain_energy: StrainEnergy) -> ContactTerms:

@@ -80,7 +80,7 @@ class StrainEnergy(Term):
             material, H, None if q is None else ufl.variable(q)
         )
         F = ufl.Identity(3) + H
-        self.nominal_stress = self.stress = ufl.diff(potential, H)
+        self.nominal_stress = self.stress = self._stress_of(potential, H)
         if not region.material.is_small_strain:
             self.stress = self.nominal_stress * F.T / ufl.det(F)
         self.J = ufl.det(F)
@@ -93,6 +93,10 @@ class StrainEnergy(Term):
         """
         self.psi = material.energy(H) if q is None else material.mixed_energy(H, q)
         return self.psi, self.psi
+
+    def _stress_of(self, potential: Expr, H: Expr) -> Expr:
+        """Return the first Piola-Kirchhoff stress (3, 3) for the potential density at any point."""
+        return ufl.diff(potential, H)
 
     @cached_property
     def cells(self) -> np.ndarray:

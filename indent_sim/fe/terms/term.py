@@ -147,5 +147,12 @@ class Term:
         return {}
 
     def dissipation(self) -> float:
-        """Energy dissipated in the current increment, this rank's part in the model domain."""
+        """Energy dissipated by friction in the current increment, this rank's part."""
         return 0.0
+
+    def plastic_dissipation(self) -> float:
+        """Energy dissipated by plastic flow since the undeformed state, this rank's part."""
+        return 0.0
+
+    def hold_plastic_flow(self, *, is_held: bool) -> None:
+        """Suppress plastic flow, so that the body responds elastically, or permit it again."""

@@ -39,19 +39,16 @@ from ufl.core.expr import Expr
 
 from indent_sim.fe import compat
 from indent_sim.fe.discrete_body import Body
-from indent_sim.fe.kernel_cache import compile_expression, create_function_space
-from indent_sim.fe.measured_constants import VOLUME_DEGREE
+from indent_sim.fe.kernel_cache import compile_expression
+from indent_sim.fe.terms.quadrature_field import (
+    TENSOR_COMPONENTS,
+    QuadratureField,
+    symmetric_tensor,
+)
 from indent_sim.fe.terms.strain_energy import StrainEnergy
 from indent_sim.fe.terms.time_integration import Stage
 from indent_sim.mesh.model_domain import Region
 from indent_sim.model.materials import Material, ShearRelaxingLaw
-
-# Components of a symmetric tensor, by dimension of the model; in two dimensions the axes are
-# (r, theta, z) or (x, y, z), and the shear components of the second axis are zero
-TENSOR_COMPONENTS = {
-    2: ((0, 0), (1, 1), (2, 2), (0, 2)),
-    3: ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)),
-}
 
 
 class ViscoelasticStrainEnergy(StrainEnergy):
@@ -74,11 +71,9 @@ class ViscoelasticStrainEnergy(StrainEnergy):
             *map(np.array, region.relaxation_series[1:]),
         )
         dim = body.body_mesh.dim
-        degree = VOLUME_DEGREE[body.body_mesh.dim]
-        self._points, self._weights = compat.quadrature_rule(compat.CELL_NAMES[dim], degree)
-        width = len(TENSOR_COMPONENTS[dim])
-        space = create_function_space(body.mesh, compat.quadrature_element(dim, degree, width))
-        means = create_function_space(body.mesh, compat.cellwise_element(dim, width))
+        # h of the stage
+        self._prestress = QuadratureField(body, len(TENSOR_COMPONENTS[dim]))
+        self._h = self._prestress.function
         self._shear_factor, self._long_term_factor = (
             fem.Constant(body.mesh, share) for share in (1.0, self._long_term_fraction)
         )
@@ -86,16 +81,14 @@ class ViscoelasticStrainEnergy(StrainEnergy):
         self._stage_end_stresses: list[np.ndarray] = []
         # Remaining fraction of the shear stress at the end of a stage with constant strain
         self._held_stress_fraction = 1.0
-        self._h = fem.Function(space)
-        self._mean_h = fem.Function(means)
         # S* and the A_k of the accepted state
         self._start_stress, *self._relaxed_stresses = (
-            fem.Function(space) for _ in range(1 + len(self._prony_weights))
+            fem.Function(self._h.function_space) for _ in range(1 + len(self._prony_weights))
         )
         self.history = (self._start_stress, *self._relaxed_stresses)
         super().__init__(body, region)
         self.has_constant_tangent = False  # it depends on the length of a step
-        self._point_dofs = compat.cell_dofs(space.dofmap)[self.cells]
+        self._point_dofs = compat.cell_dofs(self._h.function_space.dofmap)[self.cells]
         self.begin_stage(Stage(0.0))
 
     def _energy_densities(self, material: Material, H: Expr, q: Expr | None) -> tuple[Expr, Expr]:
@@ -117,8 +110,9 @@ class ViscoelasticStrainEnergy(StrainEnergy):
         self.psi = self._long_term_fraction * shear + volume
         elastic = self._shear_factor * shear + volume
         with_h, with_mean = (
-            elastic + _prestress_work(_symmetric_tensor(h), material, H, theta)
-            for h in (self._h, self._mean_h)
+            elastic
+            + _prestress_work(symmetric_tensor(h, self.body.body_mesh.dim), material, H, theta)
+            for h in (self._h, self._prestress.mean)
         )
         return with_h, with_mean
 
@@ -127,7 +121,7 @@ class ViscoelasticStrainEnergy(StrainEnergy):
         dim = self.body.body_mesh.dim
         return compile_expression(
             ufl.as_vector([self._elastic_shear_stress[i, j] for i, j in TENSOR_COMPONENTS[dim]]),
-            self._points,
+            self._prestress.points,
         )
 
     def _evaluate_shear_stress(self) -> np.ndarray:
@@ -166,7 +160,7 @@ class ViscoelasticStrainEnergy(StrainEnergy):
             self._prony_weights * self._c_A, self._start_relaxed_stresses, strict=True
         ):
             self._h.x.array[:] -= weight * A
-        self._update_cell_means()
+        self._prestress.update_means(self.cells)
         self._stage_end_stresses = []
         self._held_stress_fraction = self._remaining_stress_fraction(
             self._start_stress.x.array, self._end_relaxed_stresses(self._start_stress.x.array)
@@ -229,15 +223,6 @@ class ViscoelasticStrainEnergy(StrainEnergy):
             max(shear_fraction, self._long_term_fraction)
         ).E_star
 
-    def _update_cell_means(self) -> None:
-        """Update the cell means of h, which are used to evaluate the stress at any point."""
-        width = self._mean_h.function_space.dofmap.index_map_bs
-        point_values = self._h.x.array.reshape(-1, width)[self._point_dofs]
-        cells = compat.cell_dofs(self._mean_h.function_space.dofmap)[self.cells, 0]
-        self._mean_h.x.array.reshape(-1, width)[cells] = np.tensordot(
-            self._weights, point_values, (0, 1)
-        ) / sum(self._weights)
-
     def end_stage(self, stage: Stage) -> None:
         """Evaluate S, the A_k and `E_star` at the end of the stage."""
         S = self._evaluate_shear_stress()
@@ -260,17 +245,6 @@ class ViscoelasticStrainEnergy(StrainEnergy):
             self._stage_end_stresses = [S, *self._end_relaxed_stresses(S)]
         for function, values in zip(self.history, self._stage_end_stresses, strict=True):
             function.x.array[:] = values
-
-
-def _symmetric_tensor(h: fem.Function) -> Expr:
-    """Symmetric tensor (3, 3) from its components TENSOR_COMPONENTS."""
-    pairs = TENSOR_COMPONENTS[h.function_space.mesh.topology.dim]
-    number = {pair: k for k, pair in enumerate(pairs)} | {
-        (j, i): k for k, (i, j) in enumerate(pairs)
-    }
-    return ufl.as_tensor(
-        [[h[number[i, j]] if (i, j) in number else 0.0 for j in range(3)] for i in range(3)]
-    )
 
 
 def _prestress_work(h: Expr, material: ShearRelaxingLaw, H: Expr, theta: Expr) -> Expr:

@@ -128,6 +128,12 @@ def _requirements(config: Config, within: float) -> Requirements:
             "leave it out to find the simplest model for the force alone",
         )
     scene = resolve(config)
+    if scene.physics.yields:
+        raise ConfigError(
+            "material.plasticity",
+            "the simpler models that are compared do not yield",
+            "leave it out to find what the elastic body requires",
+        )
     config = variants.set_gel_stretch(remove_unused_material(config, scene.physics.domain))
     if scene.physics.is_time_dependent:
         return _transient_requirements(TransientVariants(config, scene, within))

@@ -133,6 +133,7 @@ class Spring:
             columns=(),
             contact=SimpleNamespace(adhesion_range=0.0),
             is_time_dependent=False,
+            yields=False,
             slides_around_edge=False,
             searches_pull_off=False,
             path=LoadPath("depth", (1.0,) * 9),

@@ -162,7 +162,35 @@ def test_every_rule_is_tried() -> None:
         for rule in GENERAL_RULES + CONTACT_RULES
         if any(rule(base, state, PreviousRows()) for state in states)
     }
-    assert len({*GENERAL_RULES, *CONTACT_RULES} - tried) == 4
+    assert len({*GENERAL_RULES, *CONTACT_RULES} - tried) == 5  # the rules of a path, and of yield
+
+
+METAL = {"model": "linear_elastic", "E": 2.0, "nu": 0.3, "plasticity": {"yield_stress": 0.02}}
+
+
+def test_work_of_a_body_that_yields() -> None:
+    """Rows whose work is stored and dissipated pass; a tenth of it missing is found."""
+    base = scene(material=METAL, mesh={"h_contact": 0.02}, loading={"delta": 0.1, "steps": 20})
+    rows = []
+    for step in range(1, 21):
+        state = theorys(base, 0.005 * step, step)
+        rows.append(
+            replace(state, energy=0.3 * state.energy, plastic_dissipation=0.7 * state.energy)
+        )
+    *earlier, last = rows
+    assert violated_bound(base, last, PreviousRows(earlier)) is None
+    assert last.plastic_dissipation
+    lost = replace(last, plastic_dissipation=0.8 * last.plastic_dissipation)
+    found = violated_bound(base, lost, PreviousRows(earlier))
+    assert found and "plastic flow" in found
+
+
+def test_a_tip_above_its_imprint() -> None:
+    """After a larger depth a body that yields need not touch the tip."""
+    base = scene(material=METAL, mesh={"h_contact": 0.02}, loading={"deltas": [0.1, 0.05]})
+    free = replace(theorys(base, 0.05, 2), force=0.0, a=0.0, newton_iterations=0)
+    assert violated_bound(base, free, PreviousRows([theorys(base, 0.1)])) is None
+    assert violated_bound(base, free, PreviousRows([theorys(base, 0.02)])) is not None
 
 
 def test_a_tip_on_the_top_of_a_fixed_side() -> None:
