@@ -127,6 +127,13 @@ class ForwardModel:
         max_depth: float,
         measured_path: MeasuredPath | None = None,
     ):
+        yielding_key = next((key for key, law in config.materials() if law.plasticity), None)
+        if yielding_key:
+            raise ConfigError(
+                f"{yielding_key}.plasticity",
+                "a fit uses elastic load curves, which a body that yields does not have",
+                "leave it out, and fit the beginning of unloading",
+            )
         self.config = config
         self.varied_keys = tuple(varied_keys)
         self.max_depth = max_depth

@@ -237,7 +237,7 @@ def _pressure_singularities(
     peak = results.table.get("p_max", np.zeros(len(results)))[results["step"] == step]
     if not len(peak) or np.isfinite(peak[0]) or (scene := scene_of(results.path)) is None:
         return ()
-    tip = scene.indenter
+    tip = scene.tip
     mesh = scene.mesh
     size = mesh.h_contact if isinstance(mesh.h_contact, float) else 0.0
     element_sizes = {True: mesh.h_axis or size, False: mesh.h_edge or size}

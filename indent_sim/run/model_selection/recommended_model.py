@@ -128,6 +128,12 @@ def _requirements(config: Config, within: float) -> Requirements:
             "leave it out to find the simplest model for the force alone",
         )
     scene = resolve(config)
+    if scene.physics.yields:
+        raise ConfigError(
+            "material.plasticity",
+            "the simpler models that are compared do not yield",
+            "leave it out to find what the elastic body requires",
+        )
     config = variants.set_gel_stretch(remove_unused_material(config, scene.physics.domain))
     if scene.physics.is_time_dependent:
         return _transient_requirements(TransientVariants(config, scene, within))
@@ -333,7 +339,9 @@ def _candidate_models(
     )
     strains = (False, True) if knows_finite and not must_be_linear else (False,)
     bodies = [body for body in BODY_MODELS if not body or _is_simpler_body(body, config)]
-    tips = (False, True) if isinstance(config.indenter, Paraboloid) else (False,)
+    # A tilt changes the force of a paraboloid, and not that of a sphere.
+    may_be_sphere = isinstance(config.indenter, Paraboloid) and not config.tilt
+    tips = (False, True) if may_be_sphere else (False,)
     contacts = (True, False) if contact_extra else (True,)
     for is_finite_variant, body, has_sphere, is_plain in product(strains, bodies, tips, contacts):
         # Theory solves unbounded bodies at small strain without friction and adhesion only.

@@ -1,0 +1,107 @@
+"""Plasticity in scene files: what is refused, where, and what a scene makes of it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from indent_sim.config.scene_file import config_from_mapping
+from indent_sim.fitting.forward_model.forward_model import ForwardModel
+from indent_sim.process.errors import ConfigError, ConfigErrors
+from indent_sim.run.model_selection.recommended_model import require
+from indent_sim.run.sensitivities import sensitivities
+from indent_sim.scene.scene import resolve
+
+METAL = {"model": "hencky", "E": 100.0, "nu": 0.3, "plasticity": {"yield_stress": 1.0}}
+SCENE: dict[str, Any] = {
+    "body": {"shape": "cylinder", "radius": 10.0, "height": 10.0},
+    "material": METAL,
+    "indenter": {"shape": "cone", "half_angle": 70.3},
+    "loading": {"delta": 0.5, "steps": 5},
+}
+
+
+def metal(**plasticity: Any) -> dict[str, Any]:
+    """Material with one more key of plasticity."""
+    return METAL | {"plasticity": {"yield_stress": 1.0} | plasticity}
+
+
+REFUSED: dict[str, tuple[dict[str, Any], str]] = {
+    "no yield stress": (
+        {"material": METAL | {"plasticity": {"n": 0.1}}},
+        "material.plasticity.yield_stress",
+    ),
+    "two hardening laws": ({"material": metal(n=0.1, linear=1.0)}, "material.plasticity.linear"),
+    "softening": ({"material": metal(linear=-1.0)}, "material.plasticity.linear"),
+    "an exponent of one": ({"material": metal(n=1.0)}, "material.plasticity.n"),
+    "steeper than Young's modulus": (
+        {"material": metal(voce={"rise": 2.0, "strain": 0.01})},
+        "material.plasticity.voce",
+    ),
+    "another law": (
+        {"material": METAL | {"model": "neo_hookean"}},
+        "material.plasticity",
+    ),
+    "fluid": ({"material": METAL | {"flow": {"permeability": 1.0}}}, "material.flow"),
+    "relaxation": (
+        {"material": METAL | {"relaxation": {"prony": [[0.5, 1.0]]}}},
+        "material.relaxation",
+    ),
+    "time": ({"loading": {"history": [[0.0, 0.0], [1.0, 0.5]]}}, "loading.history"),
+    "adhesion": (
+        {"contact": {"adhesion": {"work": 0.1, "range": 0.1}}},
+        "contact.adhesion",
+    ),
+    "the stress of the body": ({"contact": {"method": "nitsche"}}, "contact.method"),
+    "surface tension": (
+        {"body": SCENE["body"] | {"surface_tension": 1.0}},
+        "body.surface_tension",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_what_is_refused(name: str) -> None:
+    changes, key = REFUSED[name]
+    with pytest.raises((ConfigError, ConfigErrors)) as caught:
+        config_from_mapping(SCENE | changes)
+    assert f"{key}: " in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("changes", "key"),
+    [
+        ({"contact": {"gap": "reference"}}, "contact.gap"),
+        ({"solver": {"method": "condensed"}}, "solver.method"),
+        ({"solver": {"method": "theory"}}, "solver.method"),
+    ],
+)
+def test_what_a_scene_refuses(changes: dict[str, Any], key: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        resolve(config_from_mapping(SCENE | changes))
+    assert key in str(caught.value)
+
+
+def test_commands_that_need_an_elastic_body_refuse_it() -> None:
+    config = config_from_mapping(SCENE)
+    with pytest.raises(ConfigError, match="do not yield"):
+        require(config)
+    with pytest.raises(ConfigError, match="not computed"):
+        sensitivities(config, ("material.E",))
+    with pytest.raises(ConfigError, match="elastic load curves"):
+        ForwardModel(config, ("material.E",), 0.5)
+
+
+@pytest.mark.parametrize("model", ["hencky", "linear_elastic"])
+def test_a_scene_that_yields(model: str) -> None:
+    """It is solved on the whole mesh, depends on its path, and has its columns."""
+    scene = resolve(config_from_mapping(SCENE | {"material": METAL | {"model": model}}))
+    physics = scene.physics
+    assert physics.yields and physics.is_path_dependent and not physics.is_linear
+    assert scene.solver.method == "newton" and not scene.exact_theory
+    assert physics.columns == ("plastic_dissipation", "hardness")
+    # stresses are divided by the scene's unit of pressure
+    law = physics.material
+    assert law.plasticity is not None
+    assert law.constants.E / law.plasticity.yield_stress == pytest.approx(100.0)
