@@ -70,6 +70,10 @@ def test_a_plane_along_the_slide_is_a_mirror_plane(along: float, axis: str) -> N
             {"contact": {"adhesion": {"work": 1e-4, "range": 1e-3}}},
             "may snap in or off",
         ),
+        (
+            {"material": ELASTIC | {"plasticity": {"yield_stress": 0.01}}},
+            "together with plasticity",
+        ),
         ({"contact": {"method": "active_set"}}, "those of one position"),
         ({"loading": {"deltas": [0.01, 0.0], "slide": {"to": [0.1]}}}, "which is not above 0"),
         ({"loading": SLIDE | {"slide": {"to": [1.95]}}}, "over the edge of the body"),
