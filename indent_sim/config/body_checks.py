@@ -75,6 +75,11 @@ def resting_body_errors(config: SceneSections) -> Iterator[ConfigError]:
             f"leave material.flow and relaxation of shear out, or {bonded}",
         ),
         (
+            any(material.plasticity for _, material in config.materials()),
+            "does not yield: both contacts are solved on one compliance",
+            f"leave material.plasticity out, or {bonded}",
+        ),
+        (
             any(material.relaxation for _, material in config.materials())
             or config.loading.prescribed_history is not None,
             "is not modelled with relaxation or a history: the load curve is that of two contacts",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 import inspect
 from collections.abc import Iterator
@@ -25,9 +26,9 @@ from indent_sim.model.symbols import lookup
 def json_schema() -> dict[str, Any]:
     """Return the JSON Schema (draft 2020-12) of the scene file, for editors and other programs."""
     document = Config.model_json_schema(schema_generator=_SchemaGenerator)
-    center = document["properties"].pop("center")
+    placement = {name: document["properties"].pop(name) for name in schema.PLACEMENT_KEYS}
     for kind in schema.sections()["indenter"]:
-        document["$defs"][kind.__name__]["properties"]["center"] = center
+        document["$defs"][kind.__name__]["properties"] |= copy.deepcopy(placement)
     # The number of steps belongs to a single depth or force.
     unstepped_paths = [
         {"required": [path_key], "not": {"required": ["steps"]}}

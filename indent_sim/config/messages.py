@@ -66,10 +66,10 @@ def document_path(finding: Any, document: Mapping[str, Any]) -> KeyPath:
     """Return the key path in the file for an error of pydantic.
 
     Pydantic's location also contains tags of unions and names of classes, which are left out;
-    `center`, which is a field of Config, is moved to its section `indenter`.
+    `PLACEMENT_KEYS`, which are fields of Config, are moved to their section `indenter`.
     """
     location = finding["loc"]
-    if location[:1] == ("center",):
+    if location[0:1] and location[0] in schema.PLACEMENT_KEYS:
         # The empty text stands for the tag, which pydantic inserts after every tagged section.
         location = ("indenter", "", *location)
     node = schema.node_at((), document)
@@ -238,4 +238,4 @@ def _section_keys(section: str) -> set[str]:
     if section == "units":
         return set()
     keys = {name for kind in schema.sections()[section] for name in key_types.field_names(kind)}
-    return keys | {"center"} if section == "indenter" else keys
+    return keys | {*schema.PLACEMENT_KEYS} if section == "indenter" else keys

@@ -209,6 +209,8 @@ def to_mapping(config: Config, keys: Iterable[str] | None = None) -> Document:
     data = {name: _document_value(value) for name, value in values.items() if value is not None}
     if config.center is not None and "indenter" in data:
         data["indenter"]["center"] = list(config.center)
+    if config.tilt and "indenter" in data:
+        data["indenter"] |= {"tilt": config.tilt, "tilt_towards": config.tilt_towards}
     return data
 
 
@@ -507,14 +509,16 @@ def _parse_config(document: Document, source: Source) -> Config:
 def _config_fields(document: Document) -> Document:
     """Return the document with the structure of Config.
 
-    `center` is a field of Config, not of the tip. Default tags are added, and a word such as
-    "fixed" for all walls is expanded to every wall.
+    `PLACEMENT_KEYS` are fields of Config, not of the tip. Default tags are added, and a word such
+    as "fixed" for all walls is expanded to every wall.
     """
-    if "center" in document:
-        raise ConfigError("center", "unknown key", "it belongs in indenter")
+    for name in schema.PLACEMENT_KEYS:
+        if name in document:
+            raise ConfigError(name, "unknown key", "it belongs in indenter")
     fields = _complete_defaults(schema.node_at((), document))
-    if isinstance(fields.get("indenter"), dict) and "center" in fields["indenter"]:
-        fields["center"] = fields["indenter"].pop("center")
+    tip = fields.get("indenter")
+    if isinstance(tip, dict):
+        fields |= {name: tip.pop(name) for name in schema.PLACEMENT_KEYS if name in tip}
     return fields
 
 

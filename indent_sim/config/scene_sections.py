@@ -18,8 +18,9 @@ from indent_sim.model.experiment import Experiment
 from indent_sim.model.layers import Layer
 from indent_sim.model.loading import Loading
 from indent_sim.model.materials import Material
+from indent_sim.model.tilted_tip import tilted
 from indent_sim.model.tips import Indenter
-from indent_sim.model.units import LENGTH, Auto, Coordinate, Length, PositiveInt, TaggedBy
+from indent_sim.model.units import ANGLE, LENGTH, Auto, Coordinate, Length, PositiveInt, TaggedBy
 
 # Largest relative tolerance of the residual. The contact force of every row must equal the
 # reactions to 1e-8 (run/single_run.py); with a larger tolerance, which would save one iteration, a
@@ -142,8 +143,10 @@ class SceneSections(BaseModel):
     # Required unless every layer or region has its own material.
     material: Annotated[Material | None, TaggedBy("model")] = None
     indenter: Annotated[Indenter, TaggedBy("shape")]
-    # The key in a file is `indenter.center`.
+    # In a file these keys belong to `indenter`.
     center: Annotated[tuple[Coordinate, ...], LENGTH] | None = None
+    tilt: Annotated[float, Ge(0), Lt(90), ANGLE] = 0.0
+    tilt_towards: Annotated[float, ANGLE] = 0.0
     contact: Annotated[Contact, TaggedBy("method")] = AutoContact()
     drainage: Drainage | None = None
     loading: Loading
@@ -160,6 +163,11 @@ class SceneSections(BaseModel):
     def source(self) -> Source:
         """Source of every key."""
         return self._source
+
+    @property
+    def tip(self) -> Indenter:
+        """The tip with its tilt."""
+        return tilted(self.indenter, self.tilt, self.tilt_towards)
 
     @property
     def initial_bath(self) -> float:

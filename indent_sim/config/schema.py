@@ -56,6 +56,7 @@ from indent_sim.config.tip_checks import (
     contact_errors,
     experiment_errors,
     soft_tip_errors,
+    tilt_errors,
     tip_errors,
 )
 from indent_sim.process.errors import ConfigErrors
@@ -73,6 +74,8 @@ REMOVED_KEYS = {
         for key, section in MOVED_KEYS.items()
     },
 }
+# Fields of Config that belong to the section `indenter` in a file: place and tilt of the tip.
+PLACEMENT_KEYS = ("center", "tilt", "tilt_towards")
 # Keys that select the dataclass of a section, at any depth.
 TAG_KEYS = {"shape", "model", "method"}
 # Checks of a config, in the order in which their errors are reported.
@@ -89,6 +92,7 @@ CONSISTENCY_CHECKS = (
     load_path_errors,
     center_errors,
     tip_errors,
+    tilt_errors,
     soft_tip_errors,
     history_errors,
     slide_errors,
@@ -169,8 +173,9 @@ class SchemaNode:
         value = self.value[part] if has_part(self.value, part) else None
         path = (*self.path, part)
         kind = self.section_type
-        if path == ("indenter", "center"):
-            return SchemaNode(path, field_types(Config)["center"], None, value)
+        if self.path == ("indenter",) and part in PLACEMENT_KEYS:
+            name = str(part)
+            return SchemaNode(path, field_types(Config)[name], None, value)
         if kind is not None and part in field_names(kind):
             return SchemaNode(
                 path, field_types(kind)[str(part)], default_of(kind, str(part)), value
@@ -202,9 +207,9 @@ class SchemaNode:
     def allowed_keys(self) -> tuple[str, ...]:
         """Return the keys that this section may have."""
         if not self.path:
-            return tuple(name for name in field_names(Config) if name != "center")
+            return tuple(name for name in field_names(Config) if name not in PLACEMENT_KEYS)
         names = file_order(self.section_type) if dataclasses.is_dataclass(self.section_type) else ()
-        return (*names, "center") if self.path == ("indenter",) else names
+        return (*names, *PLACEMENT_KEYS) if self.path == ("indenter",) else names
 
 
 def node_at(path: KeyPath, document: Any) -> SchemaNode:

@@ -9,7 +9,15 @@ from indent_sim.config.scene_sections import SceneSections
 from indent_sim.model.body import Cylinder
 from indent_sim.model.experiment import Experiment, JKRAdhesion
 from indent_sim.model.spherical_bodies import Ball, Cap
-from indent_sim.model.tips import FlatPunch, Paraboloid, Plate, Profile, Sphere
+from indent_sim.model.tilted_tip import largest_tilt
+from indent_sim.model.tips import (
+    FlatPunch,
+    Paraboloid,
+    Plate,
+    Profile,
+    RegularPyramid,
+    Sphere,
+)
 from indent_sim.model.unbounded_bodies import HalfSpace, InfiniteLayer, UnboundedBody
 from indent_sim.model.walled_bodies import Box, Strip
 from indent_sim.process.errors import ConfigError
@@ -110,6 +118,45 @@ def tip_errors(config: SceneSections) -> list[ConfigError]:
     return []
 
 
+def tilt_errors(config: SceneSections) -> Iterator[ConfigError]:
+    """Yield errors in the tilt of the tip, and in its combination with the body."""
+    tip = config.indenter
+    key = "indenter.tilt"
+    if not config.tilt:
+        if config.tilt_towards:
+            problem = "is the direction of a tilt, but the tip is upright"
+            yield ConfigError(
+                "indenter.tilt_towards", problem, "give indenter.tilt, or leave it out"
+            )
+        return
+    if getattr(tip, "material", None) is not None:
+        problem = "a soft tip is modelled with its holder level"
+        yield ConfigError(key, problem, "leave indenter.tilt or indenter.material out")
+    if isinstance(tip, Sphere):
+        # A tilt does not change a sphere.
+        return
+    if isinstance(tip, Plate):
+        problem = "a tilted plate touches the edge of the body first, which is not modelled"
+        yield ConfigError(key, problem, "use a flat_punch that is narrower than the body")
+        return
+    if config.tilt >= (limit := largest_tilt(tip)):
+        part = "an edge" if isinstance(tip, RegularPyramid) else "its flank"
+        problem = f"at a tilt of {limit:.4g} degrees this {tip.shape} lies on {part}"
+        yield ConfigError(key, problem, f"use less than {limit:.4g}")
+    if isinstance(config.body, Cap | Ball) or (
+        getattr(config.body, "kinematics", "") == "axisymmetric"
+    ):
+        problem = f"a tilted {tip.shape} on a {config.body.shape}, which is axisymmetric"
+        remedy = "use a box, a cylinder, a layer or a half_space, or a sphere, which a tilt leaves"
+        yield ConfigError(key, f"{problem}, is not possible", remedy)
+    if config.body.dim == 2 and config.tilt_towards not in (0.0, 180.0):
+        problem = "in plane strain the tip leans along x"
+        yield ConfigError("indenter.tilt_towards", problem, "use 0 or 180")
+    if config.contact.adhesion:
+        problem = "is not verified together with indenter.tilt"
+        yield ConfigError("contact.adhesion", problem, "leave one of the two out")
+
+
 def soft_tip_errors(config: SceneSections) -> Iterator[ConfigError]:
     """Yield errors in material and thickness of a soft tip, and in parts incompatible with it."""
     tip = config.indenter
@@ -137,7 +184,7 @@ def soft_tip_errors(config: SceneSections) -> Iterator[ConfigError]:
         problem = f"must not exceed the radius R = {tip.R:g}: the tip is a cap of a ball"
         yield ConfigError("indenter.thickness", problem, f"use at most {tip.R:g}, half a ball")
     key = "indenter.material"
-    for slot, words in (("relaxation", "relax"), ("flow", "drain")):
+    for slot, words in (("relaxation", "relax"), ("flow", "drain"), ("plasticity", "yield")):
         if getattr(tip.material, slot) is not None:
             problem = f"a soft tip does not {words}: its material is linear elastic"
             yield ConfigError(f"{key}.{slot}", problem, "leave it out")
@@ -181,6 +228,11 @@ def _soft_tip_conflicts(config: SceneSections, key: str) -> Iterator[ConfigError
             any(material.is_time_dependent for _, material in config.materials()),
             "needs a body that does not depend on time",
             "leave material.flow and relaxation of shear out",
+        ),
+        (
+            any(material.plasticity for _, material in config.materials()),
+            "needs a body that does not yield",
+            "leave material.plasticity out",
         ),
         (
             not contact.is_conservative,
@@ -260,8 +312,8 @@ def _jkr_errors(config: SceneSections, adhesion: JKRAdhesion) -> Iterator[Config
     if isinstance(body, Strip | Box):
         remedy = "use a cylinder, a layer, a half_space, a cap or a ball"
         yield ConfigError(key, problem.format(body.shape), remedy)
-    if not tip.is_axisymmetric:
-        yield ConfigError(key, problem.format(tip.shape), "use a tip of revolution")
+    if not config.tip.is_axisymmetric:
+        yield ConfigError(key, problem.format(config.tip.shape), "use an upright tip of revolution")
     if isinstance(tip, Plate) and not isinstance(body, Cap | Ball):
         problem = "the contact of a plate on a flat top does not shrink, but separates all at once"
         yield ConfigError(key, problem, "use another tip")

@@ -15,6 +15,9 @@ from indent_sim.mesh import distributed_rows
 from indent_sim.mesh.grid import Grid
 from indent_sim.mesh.model_domain import ModelDomain, nearest_on_sphere
 
+# Relative distance of a vertex from a spherical surface that is round-off of its coordinates.
+SPHERE_TOLERANCE = 1e-6
+
 
 @dataclass(frozen=True)
 class BodyMesh:
@@ -124,6 +127,10 @@ def _curved_geometry(grid: Grid, part: ModelDomain) -> tuple[np.ndarray, np.ndar
     is_on_sphere = _match_facets(
         ends, np.concatenate([grid.surfaces[name] for name in sorted(arcs)])
     )
+    # The base of a cap on a flat has a flat side and an arc.
+    radii = np.hypot(grid.points[:, 0], grid.points[:, 1] + part.top_radius)
+    is_off_sphere = np.abs(radii - part.top_radius) > SPHERE_TOLERANCE * part.top_radius
+    is_on_sphere &= ~is_off_sphere[ends].any(axis=1)
     middles[is_on_sphere] = np.column_stack(
         nearest_on_sphere(part.top_radius, *middles[is_on_sphere].T)
     )

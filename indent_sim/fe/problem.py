@@ -290,6 +290,10 @@ class Problem:
         """Energy dissipated by plastic flow in the whole body so far [energy]."""
         return self.sum_over_body(sum(term.plastic_dissipation() for term in self.terms))
 
+    def moment(self) -> float:
+        """Moment of the vertical force of the whole body on the tip [force length]."""
+        return self.sum_over_body(sum(term.moment() for term in self.terms))
+
     def dissipation(self) -> float:
         """Energy dissipated by friction in the current increment, of the whole body [energy]."""
         return self.sum_over_body(sum(term.dissipation() for term in self.terms))

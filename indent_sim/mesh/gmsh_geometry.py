@@ -204,6 +204,11 @@ def draw_box(gmsh: Gmsh, domain: ModelDomain, sizes: Sizes) -> None:
     if sizes.punch_edge is not None:
         radius = round(sizes.punch_edge, LENGTH_DIGITS)
         disk = occ.addDisk(*sizes.axis, z1, radius, radius)
+        if sizes.edge_tilt:
+            tilt, towards = np.radians(sizes.edge_tilt)
+            middle = (*sizes.axis, z1)
+            occ.dilate([(2, disk)], *middle, np.cos(tilt), 1.0, 1.0)
+            occ.rotate([(2, disk)], *middle, 0.0, 0.0, 1.0, towards)
         disks, _ = occ.intersect([(2, disk)], layers[-1:], removeTool=False)
         tools = [*tools, *disks]
     if tools:

@@ -95,7 +95,11 @@ class Sizes:
     base_contact
         Contact with a flat below; None if the body does not rest on one.
     axis
-        Position (x, y) of the tip's axis.
+        Position (x, y) of the tip's axis; of the middle of the contact under a tilted tip.
+    elongation
+        Distance of the edge of the expected contact from `axis`, over the contact radius.
+    edge_tilt
+        Tilt of a flat punch and its direction [degrees], which make its edge an ellipse.
     track
         Track of a tip that slides, from which the distance of the refined patch is measured in
         place of the distance from the axis; None if the tip does not slide.
@@ -119,6 +123,8 @@ class Sizes:
     edge_refinement_factor: float = 1.0
     rounded_edge_width: float = 0.0
     refinements: int | None = None
+    elongation: float = 1.0
+    edge_tilt: tuple[float, float] | None = None
     base_contact: BaseContact | None = None
     axis: tuple[float, ...] = field(kw_only=True)
     track: TipTrack | None = None

@@ -16,6 +16,8 @@ DERIVED_COLUMNS = ("stiffness", "area", "E_hertz")
 # Columns of scenes with friction; a side force only if no mirror plane through the tip is normal to
 # its axis.
 FRICTION_COLUMNS = ("stick_radius", "dissipation", "side_force_x", "side_force_y")
+# Columns of scenes with a tilted tip.
+TILT_COLUMNS = ("moment", "x_contact")
 # Columns of scenes with a tip that slides; slide comes after delta.
 SLIDE_COLUMNS = ("slide",)
 # Columns of scenes with fluid in the pores.
@@ -33,6 +35,8 @@ ERROR_COLUMNS = (
     "delta_error",
     "stick_radius_error",
     "dissipation_error",
+    "moment_error",
+    "x_contact_error",
     "side_force_x_error",
     "side_force_y_error",
 )
@@ -166,14 +170,19 @@ class State:
     hardness
         Force over contact area of a body that yields [pressure].
     side_force_x, side_force_y
-        Horizontal force on the tip, with friction or of a sliding tip, along an axis to which no
+        Horizontal force on the tip, with friction, a tilt or a slide, along an axis to which no
         mirror plane is normal [force]. Of a sliding tip it includes the force of the pressure on
         the slope of the tip, also with a reference gap, so that it does the work of the slide.
     lateral_imbalance
         Horizontal forces on the body that do not balance, of a sliding tip [force]; zero in
         equilibrium.
+    moment
+        Integral of the vertical traction times the distance from the tip's center along the tilt
+        [force length].
+    x_contact
+        Distance of the resultant vertical force from the tip's center along the tilt [length].
     force_error, a_error, p_max_error, delta_error, stick_radius_error, dissipation_error,
-    side_force_x_error, side_force_y_error
+    side_force_x_error, side_force_y_error, moment_error, x_contact_error
         Error estimates: half-widths of intervals, in the unit of the quantity.
     t, z, branch
         Time [time], position of the base [length] and branch (approach, hold, retract) of a
@@ -235,12 +244,16 @@ class State:
     hardness: float | None = None
     side_force_x: float | None = None
     side_force_y: float | None = None
+    moment: float | None = None
+    x_contact: float | None = None
     force_error: float | None = None
     a_error: float | None = None
     p_max_error: float | None = None
     delta_error: float | None = None
     stick_radius_error: float | None = None
     dissipation_error: float | None = None
+    moment_error: float | None = None
+    x_contact_error: float | None = None
     side_force_x_error: float | None = None
     side_force_y_error: float | None = None
     t: float | None = None
@@ -350,8 +363,10 @@ def _field_units(scales: Scales) -> dict[str, float]:
         "clearance",
         "stick_radius",
         "tip_sink",
+        "x_contact",
     )
     units |= dict.fromkeys((*lengths, *RESTING_COLUMNS), L)
+    units["moment"] = F * L
     units |= dict.fromkeys(("energy", "tip_energy", "dissipation", "plastic_dissipation"), energy)
     units |= dict.fromkeys(("outflow", "moved", "unbalanced"), energy / P)
     units |= dict.fromkeys(("p_max", "E_hertz", "hardness", "pore_pressure_max"), P)

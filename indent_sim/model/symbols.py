@@ -167,7 +167,11 @@ indenter.material: linear elastic law of a soft tip; default: the tip is rigid
 indenter.thickness [length]: thickness of a soft tip: distance from its lowest point to the rigid
   holder to which it is bonded, of a sphere or paraboloid at most R, by default R, half a ball
 center [length] $(x_0, y_0)$: position of the tip's axis, [x, y], for a strip [x]; default: axis of
-  the cylinder, middle of the box or strip
+  the cylinder, middle of the box or strip. Of a tilted tip: of its lowest point, of a flat punch of
+  the middle of its face
+tilt [degrees] $\theta$: angle by which the tip's axis leans from the vertical; delta is the depth
+  of the lowest point
+tilt_towards [degrees]: horizontal direction to which the axis leans, from x
 
 ## Contact
 method: contact algorithm; auto: the program chooses and reports the reason
@@ -320,9 +324,13 @@ slide [length] $x$: horizontal displacement of the tip from where it was pressed
 plastic_dissipation [energy]: energy dissipated by plastic flow since the undeformed state; with
   plasticity
 hardness [pressure] $H$: force over contact area under load; with plasticity
-side_force_x [force]: force on the tip along x; with friction or a slide, if no mirror plane
-  is normal to x; of a sliding tip with the force of the pressure on its slope
+side_force_x [force]: force on the tip along x; with friction, a slide, or a tilt and gap: current,
+  if no mirror plane is normal to x; of a sliding tip with the force of the pressure on its slope
 side_force_y [force]: force on the tip along y, as side_force_x
+moment [force length] $M$: integral of pressure times distance from `center` along `tilt_towards`, >
+  0 where the tip leans to; with a tilt
+x_contact [length]: distance of the resultant force from `center` along `tilt_towards`,
+  moment/force; with a tilt
 force_error [force]: estimated error of the force: half-width of its interval
 a_error [length]: estimated error of the contact radius: half-width of its interval
 p_max_error [pressure]: estimated error of the largest pressure: half-width of its interval
@@ -332,6 +340,8 @@ stick_radius_error [length]: estimated error of the stick radius: half-width of 
   friction
 dissipation_error [energy]: estimated error of the dissipation: half-width of its interval; with
   friction
+moment_error [force length]: estimated error of the moment: half-width of its interval; with a tilt
+x_contact_error [length]: estimated error of x_contact: half-width of its interval; with a tilt
 side_force_x_error [force]: estimated error of the side force: half-width of its interval
 side_force_y_error [force]: estimated error of the side force: half-width of its interval
 calibration_error [force]: uncertainty of the force from the calibration of the instrument; with a

@@ -98,6 +98,29 @@ class _Tip:
         """The elastic part of the tip; None if the tip is rigid."""
         return None
 
+    @property
+    def upright(self) -> Any:
+        """The tip without tilt."""
+        return self
+
+    @property
+    def tilt_direction(self) -> float | None:
+        """Horizontal direction to which the axis leans [degrees]; None if it is vertical."""
+        return None
+
+    def on_face(self, x: Expr, y: Expr) -> tuple[Expr, Expr]:
+        """Return the position in the plane of a flat face below which a point lies [length]."""
+        return x, y
+
+    @property
+    def foreshortening(self) -> float:
+        """Area of a flat face seen from above, divided by its area."""
+        return 1.0
+
+    def with_upright(self, tip: Any) -> Any:
+        """Return another tip with the tilt of this one."""
+        return tip
+
     def height(self, x: Expr, y: Expr) -> Expr:
         """Return the height f(x, y) of the surface above the apex [length]."""
         raise NotImplementedError
@@ -779,7 +802,7 @@ Indenter = (
 
 def max_radius(tip: _Tip) -> float:
     """Return the radius [length] at which a tip ends; infinity if it does not end."""
-    match tip:
+    match tip.upright:
         case Sphere(R=R):
             return R
         case FlatPunch(radius=radius):
@@ -801,7 +824,7 @@ def flat_radius(tip: Indenter) -> float:
 
 def sharp_edge_radius(tip: Indenter) -> float | None:
     """Return the radius [length] of the sharp edge at which a tip ends; None without one."""
-    match tip:
+    match tip.upright:
         case FlatPunch(radius=radius, edge_radius=0.0):
             return radius
         case Profile(points=points):

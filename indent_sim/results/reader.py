@@ -28,6 +28,7 @@ from indent_sim.model.state import (
     SLIDE_COLUMNS,
     SOFT_TIP_COLUMNS,
     STATE_COLUMNS,
+    TILT_COLUMNS,
     TIME_COLUMNS,
     State,
 )
@@ -55,6 +56,7 @@ OPTIONAL_COLUMNS = (
     *FLUID_COLUMNS,
     *PLASTIC_COLUMNS,
     *SOFT_TIP_COLUMNS,
+    *TILT_COLUMNS,
     *RESTING_COLUMNS,
     *KRYLOV_COLUMNS,
     *ERROR_COLUMNS,
@@ -73,6 +75,7 @@ RESULT_COLUMNS = tuple(
         *FLUID_COLUMNS,
         *PLASTIC_COLUMNS,
         *SOFT_TIP_COLUMNS,
+        *TILT_COLUMNS,
         *RESTING_COLUMNS,
         *TIME_COLUMNS,
     )

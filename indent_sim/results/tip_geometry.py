@@ -6,8 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from indent_sim.model.tilted_tip import TiltedTip
 from indent_sim.model.tips import Indenter, RegularPyramid, Sphere, max_radius
 
+# The section of a tilted tip is drawn to this multiple of the width, so that it fills it turned,
+DRAWN_WIDTH = 1.6
+# and to this height in multiples of the width, above which a plane across the tilt misses the tip.
+DRAWN_HEIGHT = 1e3
 SectionCurve = tuple[np.ndarray, np.ndarray]  # Distance from the axis s, and height z [length].
 
 
@@ -87,9 +92,26 @@ def section(tip: Indenter, width: float, degrees: float = 0.0) -> SectionCurve:
 
     `degrees` is the angle of the plane from the x axis, `width` the largest distance from the axis.
     """
+    if isinstance(tip, TiltedTip):
+        return _tilted_section(tip, width, degrees)
     (left, below) = half_section(tip, width, degrees + 180)
     (right, above) = half_section(tip, width, degrees)
     return np.concatenate([-left[:0:-1], right]), np.concatenate([below[:0:-1], above])
+
+
+def _tilted_section(tip: TiltedTip, width: float, degrees: float) -> SectionCurve:
+    """Return the section (s, z) [length] of a tilted tip in a vertical plane through its center."""
+    angle = np.radians(degrees)
+    axis = np.array([np.cos(angle), np.sin(angle), 0.0])
+    if np.isclose(np.sin(angle - np.radians(tip.towards)), 0.0, atol=1e-12):
+        # The plane contains the axis of the tip, whose own section is turned in it.
+        s, z = section(tip.upright, DRAWN_WIDTH * width, degrees)
+        points = tip.in_space(s[:, None] * axis + z[:, None] * np.array([0.0, 0.0, 1.0]))
+        return points @ axis, points[:, 2]
+    s = np.linspace(-width, width, 320)
+    z = np.asarray(tip.height(s * axis[0], s * axis[1]), dtype=float)
+    is_below = z < DRAWN_HEIGHT * width
+    return s[is_below], z[is_below]
 
 
 def tip_mesh(
@@ -113,7 +135,9 @@ def tip_mesh(
         Number of equal contacts of the body.
     """
     if kinematics == "three_dimensional":
-        points, cells = _tip_surface(tip, width)
+        points, cells = _tip_surface(tip.upright, width)
+        if isinstance(tip, TiltedTip):
+            points = tip.in_space(points)
         return TipGeometry(points + np.array([*center, 0.0]), cells, contacts_per_body)
     s, z = half_section(tip, width) if kinematics == "axisymmetric" else section(tip, width)
     points = np.column_stack([s + (*center, 0.0)[0], np.zeros(len(s)), z])

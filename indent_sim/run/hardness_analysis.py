@@ -487,6 +487,9 @@ def _area_function(curve: _TestCurve, options: HardnessOptions) -> AreaFunction:
         return area_from_text(options.area, curve.units)
     if curve.scene is None:
         return area_from_text("berkovich", curve.units)
+    if not curve.scene.tip.is_axisymmetric and curve.scene.tilt:
+        problem = "the area function is that of an upright tip"
+        raise ConfigError("indenter.tilt", problem, "give --area, or leave the tilt out")
     return area_of_tip(curve.scene.indenter.scaled(curve.unit_of_scene("length")))
 
 

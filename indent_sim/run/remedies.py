@@ -158,9 +158,10 @@ def try_remedies(
 
 
 def _place(state: State) -> str:
-    """Return the depth of a row, and its time if it has one, as text."""
+    """Return the depth of a row, and its time and slide if it has them, as text."""
     time_text = f"t = {state.t:.6g}, " if state.t is not None else ""
-    return f"{time_text}delta = {state.delta:.6g}"
+    slide_text = f", slide = {state.slide:.6g}" if state.slide is not None else ""
+    return f"{time_text}delta = {state.delta:.6g}{slide_text}"
 
 
 def _truncate_path(scene: Scene, failed: State) -> Scene:

@@ -29,6 +29,7 @@ from math import isfinite, isnan
 
 from indent_sim.model.contact import Nitsche, Penalty
 from indent_sim.model.state import State
+from indent_sim.model.tips import max_radius
 from indent_sim.run.measured_constants import MAX_OUTSIDE_PENETRATION, MAX_OVERLAP
 from indent_sim.run.previous_rows import PreviousRows, force_interval
 from indent_sim.scene.expected_error import expected_force_error, penalty_force_loss
@@ -155,6 +156,18 @@ def _check_contact_radius(scene: Scene, state: State, earlier: PreviousRows) -> 
         f"the contact radius {state.a:.6g} exceeds the radius {end * L:.6g} at which the surface "
         "of the tip ends"
     )
+
+
+def _check_resultant(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
+    """Check that the force acts within the face of a tilted punch, and within the body."""
+    if state.x_contact is None or scene.physics.contact.may_snap_through:
+        return None
+    L = scene.physics.scales.length
+    farthest = scene.physics.body.max_lateral_extent(scene.physics.center)
+    farthest = min(farthest, max_radius(scene.physics.indenter)) + 2 * scene.sizes.h_contact
+    if abs(state.x_contact) <= farthest * L:
+        return None
+    return f"the force acts at {state.x_contact:.6g}, outside the contact"
 
 
 def _check_side_contact(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
@@ -360,6 +373,7 @@ GENERAL_RULES: Rules = (
     _check_no_tension,
     _check_no_force_above,
     _check_contact_radius,
+    _check_resultant,
     _check_force_growth,
     _check_side_contact,
 )

@@ -17,6 +17,7 @@ from indent_sim.model.contact import (
     Penalty,
     SlipReference,
 )
+from indent_sim.model.tilted_tip import TiltedTip, overhang_tilt
 from indent_sim.model.tips import FlatPunch, Indenter, Plate, max_radius
 from indent_sim.model.units import round_length
 from indent_sim.process.errors import ConfigError
@@ -67,6 +68,8 @@ def gap(settings: Contact, setup: ProblemSetup) -> tuple[str, Choice]:
             f"{outcome}"
         )
         raise ConfigError("indenter", problem, "give depth and tip in the same unit of length")
+    if gap_kind == "reference":
+        _check_reference_gap(physics.indenter)
     if gap_kind == "current" and physics.domain.pins and not physics.is_compressed:
         remedy = (
             "use base: fixed, a fixed or roller side, or gap: reference; or put the tip in the "
@@ -94,6 +97,25 @@ def gap(settings: Contact, setup: ProblemSetup) -> tuple[str, Choice]:
     return gap_kind, Choice(
         "contact.gap", gap_kind, "as given" if settings.gap != "auto" else reasons[gap_kind]
     )
+
+
+def _check_reference_gap(tip: Indenter) -> None:
+    """Raise ConfigError if a tilted tip has no height above every point, or no formula for it."""
+    if not isinstance(tip, TiltedTip):
+        return
+    upright = tip.upright
+    if tip.tilt >= (limit := overhang_tilt(upright)):
+        problem = (
+            f"at a tilt of {limit:.4g} degrees, its half angle, a flank of this {upright.shape} "
+            "overhangs, where the gap at the undeformed point is not defined"
+        )
+        raise ConfigError("indenter.tilt", problem, "use a smaller tilt, or contact.gap: current")
+    if not tip.has_closed_height:
+        problem = (
+            f"the gap at the undeformed point is not available for a tilted {upright.shape} with "
+            "rounded edges"
+        )
+        raise ConfigError("indenter.tilt", problem, "use a sharp tip, or contact.gap: current")
 
 
 def contact(
@@ -264,7 +286,7 @@ def friction(
             return law, "implicit", [Choice("contact.friction", coefficient, start_reason)]
         return law, "mid", on_its_way
     rim_width = tensile_rim_width(
-        physics.indenter, physics.material.constants.nu, sizes, physics.domain.dim
+        physics.indenter.upright, physics.material.constants.nu, sizes, physics.domain.dim
     )
     if not rim_width:
         return law, "mid", on_its_way
@@ -381,13 +403,14 @@ def tip(config: Config, setup: ProblemSetup, gap: str) -> tuple[Indenter, Choice
     physics = setup.physics
     body = setup.physics.body
     sharp_tip = physics.indenter
-    key = "edge_radius" if isinstance(physics.indenter, FlatPunch) else "tip_radius"
-    if gap == "reference" or getattr(sharp_tip, key, 1.0) > 0:
+    upright = physics.indenter.upright
+    key = "edge_radius" if isinstance(upright, FlatPunch) else "tip_radius"
+    if gap == "reference" or getattr(upright, key, 1.0) > 0:
         return sharp_tip, []
     # Radius of a rounded apex or edge, relative to the expected contact radius.
     rounding_fraction = 1e-3
     radius = round_length(rounding_fraction * setup.a)
-    rounded_tip = replace(sharp_tip, **{key: radius})  # type: ignore[arg-type]
+    rounded_tip = sharp_tip.with_upright(replace(upright, **{key: radius}))
     theories = [
         layer_theory(body, setup.layers, item, physics.center) for item in (sharp_tip, rounded_tip)
     ]

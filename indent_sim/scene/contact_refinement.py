@@ -43,7 +43,7 @@ def frictional_edge_width(
     gap : str
         The key `contact.gap`, "reference" or "current".
     """
-    tip = setup.physics.indenter
+    tip = setup.physics.indenter.upright
     physics = setup.physics
     is_sheared = bool(config.contact.friction) and gap == "current" and not physics.small_strain
     if edge is None or not is_sheared or physics.domain.dim == 3 or not isinstance(tip, FlatPunch):
@@ -75,7 +75,7 @@ def refine_below_deep_tip(
     gap : str
         The key `contact.gap`, "reference" or "current".
     """
-    tip = setup.physics.indenter
+    tip = setup.physics.indenter.upright
     end_radius = max_radius(setup.physics.indenter)
     depth_ratio = setup.max_depth / end_radius
     is_excluded = (

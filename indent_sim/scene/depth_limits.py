@@ -180,18 +180,22 @@ def check_scene(
 
 def _check_punch_width(body: Body, tip: Indenter, center: Center) -> None:
     """Raise ConfigError if a sharp punch is wider than a flat top that it does not cover."""
+    punch = tip.upright
+    is_tilted = tip.tilt_direction is not None
     if (
-        not isinstance(tip, FlatPunch)
-        or tip.edge_radius
+        not isinstance(punch, FlatPunch)
+        or (punch.edge_radius and not is_tilted)
         or isinstance(body, SphericalBody)
         or covers_top(tip, body, center)
     ):
         return
     widest = body.lateral_extent(body.center)
-    if tip.radius > widest:
-        problem = f"the edge of a flat punch of radius {tip.radius:g} crosses the edge of the body"
+    if punch.radius > widest:
+        problem = (
+            f"the edge of a flat punch of radius {punch.radius:g} crosses the edge of the body"
+        )
         remedy = f"use a radius of at most {widest:g}, so that the punch is inside the top"
-        if not isinstance(body, ImportedBody):
+        if not isinstance(body, ImportedBody) and not is_tilted:
             # All digits, since a smaller radius would not cover the top.
             covering_radius = f"{body.max_lateral_extent(center):.10g}"
             remedy += (

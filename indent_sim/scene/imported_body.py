@@ -57,7 +57,7 @@ def position_imported_mesh(
     )
     imported_domain.refuse_forgotten_mirrors(imported_mesh, source, center)
     placed_mesh = imported_mesh.translated_to_contact(
-        imported_domain.first_contact_height(config.indenter, imported_mesh, center)
+        imported_domain.first_contact_height(config.tip, imported_mesh, center)
     )
     _, material = _region_materials(placed_mesh, config)[0]
     body = imported_domain.imported_body(placed_mesh, source, center, material)

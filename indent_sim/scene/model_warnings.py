@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from indent_sim.model import stability
 from indent_sim.model.measured_constants import LOCKING_POISSON_RATIO
+from indent_sim.model.tilted_tip import TiltedTip
 from indent_sim.model.tips import (
     STEM_HALF_ANGLE,
     FlatPunch,
@@ -102,7 +103,8 @@ def _model_warnings(setup: ProblemSetup) -> Iterator[ModelWarning]:
             "small_strain",
             f"strains near {formula} = {strain:.2g}: small strain is no longer a good model",
         )
-    if isinstance(tip, Paraboloid) and delta > 0.1 * tip.R:
+    upright = tip.upright
+    if isinstance(upright, Paraboloid) and delta > 0.1 * upright.R:
         message = (
             "the depth is more than R/10: the force of a sphere of this R would be at least 1 % "
             "lower than that of the paraboloid"
@@ -112,7 +114,10 @@ def _model_warnings(setup: ProblemSetup) -> Iterator[ModelWarning]:
     if physics.small_strain and delta > 0.1 * body.height and not physics.is_compressed:
         depth_text = f"the depth is {delta / body.height:.0%} of the thickness"
         yield ModelWarning("small_strain", f"{depth_text}: small strain is no longer a good model")
-    if a > 0.8 * body.lateral_extent(physics.center) and not physics.is_compressed:
+    reach = a
+    if isinstance(tip, TiltedTip):
+        reach = sum(tip.contact_patch(a, body.dim))
+    if reach > 0.8 * body.lateral_extent(physics.center) and not physics.is_compressed:
         yield ModelWarning("rim", "the contact comes close to the edge of the body")
     if (nu := physics.largest_locking_nu) >= LOCKING_POISSON_RATIO:
         yield ModelWarning(
@@ -147,7 +152,7 @@ def _tip_end_warnings(setup: ProblemSetup, gap: str) -> Iterator[ModelWarning]:
     tip = setup.physics.indenter
     delta = setup.max_depth
     end_radius = max_radius(setup.physics.indenter)
-    if isinstance(tip, FlatPunch) or not (
+    if isinstance(tip.upright, FlatPunch) or not (
         setup.a >= end_radius or (isinstance(tip, Sphere) and delta > end_radius)
     ):
         return

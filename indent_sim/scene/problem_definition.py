@@ -8,6 +8,7 @@ from itertools import pairwise
 from math import exp
 
 from indent_sim.mesh.model_domain import ModelDomain, Region
+from indent_sim.model.algebra import cos, sin
 from indent_sim.model.body import Body
 from indent_sim.model.contact import ActiveSet, ContactLaw, SlipReference
 from indent_sim.model.drainage import Drainage
@@ -21,6 +22,7 @@ from indent_sim.model.state import (
     RESTING_COLUMNS,
     SLIDE_COLUMNS,
     SOFT_TIP_COLUMNS,
+    TILT_COLUMNS,
 )
 from indent_sim.model.tip_track import TipTrack
 from indent_sim.model.tips import FlatPunch, Indenter
@@ -135,6 +137,8 @@ class ProblemDefinition:
     def side_force_axes(self) -> dict[str, int]:
         """Return the horizontal axes, by name, along which there can be a net side force.
 
+        It is due to friction, a slide, or the pressure along the normal of a tilted tip.
+
         By symmetry, there is no side force normal to a mirror plane through the tip.
         """
         return {
@@ -160,9 +164,9 @@ class ProblemDefinition:
     def _lateral_axes(self) -> dict[str, int]:
         """Return the horizontal axes along which the body may push the tip; none in axisymmetry.
 
-        It does by friction, and if the tip slides also by the pressure on the slope of the tip.
+        It does by friction, and if the tip slides or is tilted also by the pressure on its slope.
         """
-        is_pushed = self.has_friction or self.slides
+        is_pushed = self.has_friction or self.slides or (self.has_moment and self.gap == "current")
         if not is_pushed or self.domain.kinematics.name == "axisymmetric":
             return {}
         return {name: axis for axis, name in enumerate("xy"[: self.domain.dim - 1])}
@@ -352,13 +356,14 @@ class ProblemDefinition:
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """Columns for tip, flat below, slide, friction, pore fluid and yield, in order."""
+        """Columns for tip, flat below, slide, friction, tilt, fluid and yield, in order."""
         soft_tip = SOFT_TIP_COLUMNS if self.indenter.lens else ()
         if soft_tip or self.domain.rests_on_flat:
             # Neither is modelled with friction or pore fluid.
             return (*soft_tip, *(RESTING_COLUMNS if self.domain.rests_on_flat else ()))
         fluid = FLUID_COLUMNS if self.permeable_regions else ()
         plastic = PLASTIC_COLUMNS if self.yields else ()
+        tilt = TILT_COLUMNS if self.has_moment else ()
         side_force_columns = [f"side_force_{axis}" for axis in self.side_force_axes]
         return (
             *(SLIDE_COLUMNS if self.slides else ()),
@@ -367,9 +372,21 @@ class ProblemDefinition:
                 for name in FRICTION_COLUMNS
                 if name in side_force_columns or (self.has_friction and not name.startswith("side"))
             ),
+            *tilt,
             *fluid,
             *plastic,
         )
+
+    @property
+    def has_moment(self) -> bool:
+        """True if the tip is tilted, so that the contact exerts a moment about its center."""
+        return self.indenter.tilt_direction is not None
+
+    @property
+    def moment_axis(self) -> tuple[float, float]:
+        """Horizontal unit vector (x, y) along the tilt, to which the moment refers; else x."""
+        direction = self.indenter.tilt_direction or 0.0
+        return float(cos(direction)), float(sin(direction))
 
     @property
     def material(self) -> Material:
@@ -490,7 +507,7 @@ class ProblemDefinition:
     def slides_around_edge(self) -> bool:
         """True if the surface slides around the edge of a flat punch, which friction prevents."""
         is_sliding = self.gap == "current" and not self.has_friction and not self.is_compressed
-        return is_sliding and isinstance(self.indenter, FlatPunch)
+        return is_sliding and isinstance(self.indenter.upright, FlatPunch)
 
     @property
     def _sliding_solves(self) -> float:
@@ -499,7 +516,7 @@ class ProblemDefinition:
         The increments become shorter with the depth, since the stretched layer at the edge becomes
         thinner.
         """
-        tip = self.indenter
+        tip = self.indenter.upright
         if not isinstance(tip, FlatPunch) or not self.slides_around_edge:
             return 0.0
         depth = max(self.max_depth, 0.0) / tip.radius

@@ -238,7 +238,7 @@ def truncate_body(config: Config, setup: ProblemSetup) -> ProblemSetup:
         deepest = max(deepest, 2 * ATTRACTION_CUTOFF * (setup.attraction.range or 0.0))
     states = _layers_in_extreme_states(config)
     depth = deepest * setup.physics.scales.length
-    truncation = truncate(config.body, config.indenter, states, depth, tension_width_factor(setup))
+    truncation = truncate(config.body, config.tip, states, depth, tension_width_factor(setup))
     return _set_up(config, truncation.body, truncation.layers, truncation, None)
 
 
@@ -304,7 +304,7 @@ def _set_up(
     least_modulus_fraction = min(
         (remaining_modulus_fraction(law, history) for law in relaxations), default=1.0
     )
-    indenter = _plate_if_covering(_punch_if_soft(config.indenter), whole_body, center)
+    indenter = _plate_if_covering(_punch_if_soft(config.tip), whole_body, center)
     tip = relative_tip(indenter, whole_body)
     path = (
         path_to_max_depth(history, least_modulus_fraction, compliance, tip, layers)

@@ -180,7 +180,7 @@ def layer_theory(
     if isinstance(body, Cylinder | BodyStrip | Box) and covers_top(tip, body, center):
         radius_ratio = flat_radius(tip) / body.max_lateral_extent(center)
         return compression_theory(body, layers, center, radius_ratio)
-    shape = theory_tip_shape(tip)
+    shape = theory_tip_shape(tip, body.dim)
     is_plane = body.dim == 2
     stack = stack_of(layers, body.base)
     if shape is None or stack is None or (is_plane and shape.f is None):
@@ -339,6 +339,10 @@ def _assess_exactness(theory: Theory, layers: Sequence[BodyLayer], tip: Indenter
         (
             not all(material.is_small_strain for material in materials),
             "the theory assumes small strain",
+        ),
+        (
+            tip.tilt_direction is not None,
+            "the tip of the theory is upright, with equal cross-sections",
         ),
         (not tip.is_axisymmetric, "the tip of the theory is the cone with equal cross-sections"),
     )

@@ -14,6 +14,7 @@ from indent_sim.mesh.sizes import Sizes
 from indent_sim.model.experiment import Experiment
 from indent_sim.model.history import History
 from indent_sim.model.relaxation import Relaxation
+from indent_sim.model.tip_track import TipTrack
 from indent_sim.model.tips import FlatPunch, max_radius
 from indent_sim.model.unbounded_bodies import UnboundedBody
 from indent_sim.process.errors import ConfigError
@@ -143,6 +144,11 @@ class Scene:
     def reaction_columns(self) -> tuple[str, ...]:
         """Return the columns with the reactions of the supports; empty if not written."""
         return reaction_columns(self.physics.domain)
+
+    @property
+    def contact_track(self) -> TipTrack:
+        """Track of the middle of the expected contact, which under a tilted tip is not its axis."""
+        return replace(self.physics.track, center=self.sizes.axis)
 
     @property
     def method(self) -> str:
@@ -288,7 +294,7 @@ class Scene:
         tip = self.physics.indenter
         if (
             self.sizes.punch_edge is not None
-            and not isinstance(tip, FlatPunch)
+            and not isinstance(tip.upright, FlatPunch)
             and a >= END_FRACTION * max_radius(tip)
         ):
             return False

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 from indent_sim.mesh.imported_domain import ImportedDomain
 from indent_sim.mesh.sizes import Sizes
+from indent_sim.model.algebra import cos, sin
+from indent_sim.model.tilted_tip import TiltedTip
 from indent_sim.model.tips import FlatPunch, Indenter, max_radius
 from indent_sim.model.units import round_length
 from indent_sim.scene.contact_refinement import (
@@ -140,7 +142,8 @@ def _is_sharp(tip: Indenter) -> bool:
     # Radius of a punch's edge, in radii of the punch, below which the pressure has a peak
     # where the contact ends.
     nearly_sharp = 0.5
-    return isinstance(tip, FlatPunch) and tip.edge_radius < nearly_sharp * tip.radius
+    punch = tip.upright
+    return isinstance(punch, FlatPunch) and punch.edge_radius < nearly_sharp * punch.radius
 
 
 def _contact_state(setup: ProblemSetup, delta: float) -> tuple[float, float, float]:
@@ -167,14 +170,18 @@ def _edge_radius(setup: ProblemSetup, gap: str, has_edge_size: bool) -> float | 
     a = setup.a
     if setup.physics.is_compressed:
         return a if has_edge_size else None
-    if isinstance(tip, FlatPunch):
-        if setup.physics.domain.top_radius and a < END_FRACTION * tip.radius:
+    punch = tip.upright
+    if isinstance(punch, FlatPunch):
+        if setup.physics.domain.top_radius and a < END_FRACTION * punch.radius:
             # The contact ends on the curved top before it reaches the edge of the punch.
             return None
-        if not _is_sharp(tip):
+        if not _is_sharp(punch):
             return None
         # Under a rounded edge the pressure has its peak where the contact ends.
-        return a if tip.edge_radius else tip.radius
+        edge = a if punch.edge_radius else punch.radius
+        if isinstance(tip, TiltedTip) and setup.physics.domain.dim == 2:
+            return edge * float(cos(tip.tilt))
+        return edge
     # If the gap is evaluated at the deformed point, the body bends around the end of the tip, and
     # the pressure is finite.
     return max_radius(tip) if gap == "reference" and a >= END_FRACTION * max_radius(tip) else None
@@ -280,9 +287,16 @@ def _default_sizes(
     # The pressure is singular at a punch's sharp edge, whose elements are smaller by this ratio. In
     # three dimensions a ratio of 20 would cost too much.
     edge_ratio = {2: 20.0, 3: 4.0}[dim] * (edge_refinement if dim == 2 else 1.0)
+    tip = physics.indenter
+    axis, elongation, edge_tilt = physics.center, 1.0, None
+    if isinstance(tip, TiltedTip):
+        axis, elongation = _tilted_contact(setup, tip)
+        edge_tilt = (tip.tilt, tip.towards) if edge is not None and dim == 3 else None
     # The contact of the last row, which is small after unloading, gets as many elements as the
     # largest one, by smaller elements at the axis.
-    last_radius = setup.expected_radius(last_depth) if last_depth > 0 and edge is None else a
+    # Under a tilted tip it is not at the axis of the sizes.
+    is_at_axis = edge is None and axis == physics.center
+    last_radius = setup.expected_radius(last_depth) if last_depth > 0 and is_at_axis else a
     last_radius_ratio = last_radius / a
     axis_size = h_contact
     if fixed_sizes.h_axis:
@@ -291,7 +305,7 @@ def _default_sizes(
         axis_size = h_contact * max(last_radius_ratio, MIN_RADIUS_RATIO)
     axis_size = round_length(axis_size)
     h_far = round_length(fixed_sizes.h_far or max(h_contact, max_size))
-    patch = round_length(PATCH_FACTOR * a + 2 * h_contact)
+    patch = round_length(PATCH_FACTOR * elongation * a + 2 * h_contact)
     growth = round_length(fixed_sizes.grading or GRADING / anisotropy)
     h_axis = axis_size if axis_size < h_contact else None
     h_edge = None
@@ -307,9 +321,22 @@ def _default_sizes(
         h_axis,
         round_length(a),
         edge_refinement_factor=edge_refinement,
-        axis=physics.center,
-        track=None if physics.track.is_point else physics.track,
+        elongation=elongation,
+        edge_tilt=edge_tilt,
+        axis=axis,
+        track=None if physics.track.is_point else replace(physics.track, center=axis),
     )
+
+
+def _tilted_contact(setup: ProblemSetup, tip: TiltedTip) -> tuple[tuple[float, ...], float]:
+    """Return the middle of the contact under a tilted tip, and its reach over its radius."""
+    shift, reach = tip.contact_patch(setup.a, setup.physics.domain.dim)
+    direction = cos(tip.towards), sin(tip.towards)
+    axis = tuple(
+        round_length(c + shift * float(e))
+        for c, e in zip(setup.physics.center, direction, strict=False)
+    )
+    return axis, round_length(max(reach / setup.a, 1.0))
 
 
 def _imported_mesh_sizes(

@@ -77,6 +77,10 @@ def solver(config: Config, setup: ProblemSetup, physics: ProblemDefinition, node
             f"about {size_text} (static condensation is limited to {MAX_CANDIDATES} nodes)",
         ),
     )
+    if obstacle and (physics.indenter.lens or physics.domain.rests_on_flat):
+        two_bodies = "indenter.material" if physics.indenter.lens else "body.base"
+        problem = f"is solved by static condensation, but {obstacle}"
+        raise ConfigError(two_bodies, problem, "use a rigid tip, and a base that is bonded")
     if requested == "condensed" and obstacle:
         raise ConfigError(
             "solver.method", f"'condensed' does not fit this scene: {obstacle}", "use 'newton'"
@@ -272,8 +276,8 @@ def config_obstacle(config: Config) -> str:
         ),
         (bool(config.body.inclusions), NO_INCLUSIONS),
         (
-            not config.indenter.is_axisymmetric,
-            f"theory needs an axisymmetric tip, but a {config.indenter.shape} is not axisymmetric",
+            not config.tip.is_axisymmetric,
+            f"theory needs an axisymmetric tip, but a {config.tip.shape} is not axisymmetric",
         ),
         (law.gap == "current", "theory evaluates the gap at the undeformed point"),
         (not isinstance(law, AutoContact), f"contact.method: {law.method} needs a mesh"),

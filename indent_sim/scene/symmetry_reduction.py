@@ -71,7 +71,7 @@ def reduce(
             body, center, requested_symmetry, tip, regions, slide_axis
         )
     elif isinstance(body, Strip):
-        domain, reason = _strip_domain(body, center, requested_symmetry, regions, slide_axis)
+        domain, reason = _strip_domain(body, center, requested_symmetry, tip, regions, slide_axis)
     elif isinstance(body, SphericalBody):
         domain, reason = _spherical_domain(body, requested_symmetry, regions)
     else:
@@ -184,7 +184,12 @@ def _sector_outline(radius: float, mirror_axes: list[str]) -> Sides:
 
 
 def _strip_domain(
-    body: Strip, center: Point, requested_symmetry: str, regions: Regions, slide_axis: str
+    body: Strip,
+    center: Point,
+    requested_symmetry: str,
+    tip: Indenter,
+    regions: Regions,
+    slide_axis: str,
 ) -> tuple[ModelDomain, str]:
     """Return the model domain of a strip (section or half section) and the reason."""
     if requested_symmetry not in ("auto", "plane_strain", "half", "full"):
@@ -194,7 +199,8 @@ def _strip_domain(
             "use 'auto', 'half' or 'full'",
         )
     symmetric = _is_centred(center[0], body.width) and body.sides.x_min == body.sides.x_max
-    symmetric = symmetric and _are_inclusions_symmetric(regions, "x", center[0]) and not slide_axis
+    symmetric = symmetric and _is_tip_symmetric(tip, "x") and not slide_axis
+    symmetric = symmetric and _are_inclusions_symmetric(regions, "x", center[0])
     supports = {"base": str(body.base), **vars(body.sides)}
     if requested_symmetry == "half" and not symmetric:
         raise _symmetry_error(

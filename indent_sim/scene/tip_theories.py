@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from indent_sim.model import tips
+from indent_sim.model.tilted_tip import TiltedTip
 from indent_sim.model.tips import (
     FlatPunch,
     Indenter,
@@ -92,8 +93,15 @@ TIP_THEORIES: dict[type, TipTheory] = {
 }
 
 
-def theory_tip_shape(tip: Indenter) -> profiles.Tip | None:
-    """Return the axisymmetric shape of a tip for layer theory; None if there is no shape."""
+def theory_tip_shape(tip: Indenter, dim: int = 3) -> profiles.Tip | None:
+    """Return the axisymmetric shape of a tip for layer theory; None if there is no shape.
+
+    A tilted tip has that of the upright tip with equal sections, in plane strain (`dim` 2) with
+    equal widths.
+    """
+    if isinstance(tip, TiltedTip):
+        equivalent = tip.equivalent_tip(dim)
+        return None if equivalent is None else theory_tip_shape(equivalent)
     tip_theory = TIP_THEORIES.get(type(tip))
     if tip_theory is None:
         return None

@@ -57,6 +57,7 @@ NAMES = [
     "incompressible",
     "blunt_tip",
     "soft_tip",
+    "tilt",
     "surface_tension",
     "friction",
     "stick",
@@ -401,6 +402,35 @@ def jkr(work: float) -> float:
         lambda a: a**2 - math.sqrt(2 * math.pi * work * a / E_STAR) - DEPTH, math.sqrt(DEPTH), 1.0
     )
     return float(4 * E_STAR * a**3 / 3 - math.sqrt(8 * math.pi * work * E_STAR * a**3))
+
+
+def test_a_tilt_that_the_scene_lacks() -> None:
+    """A paraboloid's force grows as 1/cos(tilt); a punch in contact with its face loses depth."""
+    paraboloid = threshold(row(HALF_SPACE, "tilt"))
+    assert paraboloid == pytest.approx(math.degrees(math.acos(1 / 1.01)), rel=0.02)
+    punch = HALF_SPACE | {"indenter": {"shape": "flat_punch", "radius": 1.0}}
+    sine = 0.01 * DEPTH
+    assert threshold(row(punch, "tilt")) == pytest.approx(math.degrees(math.asin(sine)), rel=0.05)
+    cone = HALF_SPACE | {"indenter": {"shape": "cone", "half_angle": 70.0}}
+    assert "+25 % at 10 degrees" in row(cone, "tilt").source
+    sphere = HALF_SPACE | {"indenter": {"shape": "sphere", "R": 1.0}}
+    assert row(sphere, "tilt").percent == 0
+
+
+def test_a_tilt_of_the_scene() -> None:
+    """A tilted wedge on a strip against an upright one, both by runs of their own on fine meshes.
+
+    The two meshes of the row have the elements of the scene: 0.3 % of each force.
+    """
+    wedge = {"shape": "cone", "half_angle": 80.0, "tilt": 5.0}
+    scene = HALF_SPACE | {
+        "body": {"shape": "strip", "width": 8.0, "height": 2.0, "base": "fixed", "sides": "free"},
+        "indenter": wedge,
+    }
+    fine = {"mesh": {"h_contact": 0.01}}
+    upright = force(scene | fine | {"indenter": wedge | {"tilt": 0.0}})
+    exact = 100 * (force(scene | fine) / upright - 1)
+    assert row(scene, "tilt").percent == pytest.approx(exact, abs=0.6)
 
 
 def test_adhesion() -> None:

@@ -333,6 +333,20 @@ REFUSED: dict[str, tuple[dict[str, Any], str]] = {
         {"indenter": {"shape": "sphere", "R": 1.0, "material": SOFT_LAW, "center": [0.1, 0.0]}},
         "axisymmetric scenes only",
     ),
+    "a body that yields": (
+        {"material": {**LAW, "plasticity": {"yield_stress": 0.01}}},
+        "does not yield",
+    ),
+    "a tip that yields": (
+        {
+            "indenter": {
+                "shape": "sphere",
+                "R": 1.0,
+                "material": {**SOFT_LAW, "plasticity": {"yield_stress": 0.01}},
+            }
+        },
+        "does not yield",
+    ),
     "a tip that relaxes": (
         {
             "indenter": {

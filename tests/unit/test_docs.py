@@ -106,6 +106,18 @@ def test_all_places_state_one_version():
     assert released == f"{VERSION} ({citation['date-released']})"
 
 
+def test_the_paper_cites_what_its_bibliography_has():
+    """Every citation has an entry with a DOI, every entry is cited, and every figure exists."""
+    paper = (ROOT / "paper" / "paper.md").read_text(encoding="utf-8")
+    entries = (ROOT / "paper" / "paper.bib").read_text(encoding="utf-8").split("\n@")
+    keys = {re.search(r"\{(\w+),", entry)[1] for entry in entries}
+    assert keys == set(re.findall(r"@(\w+)[\];]", paper))
+    assert all("doi={10." in entry for entry in entries)
+    figures = re.findall(r"!\[[^\]]*\]\(([^)]*)\)", paper)
+    assert figures
+    assert all((ROOT / "paper" / figure).exists() for figure in figures)
+
+
 def test_the_curve_of_the_tutorial_is_what_its_script_makes():
     """The shipped curve of the tutorial is what `scripts/make_example_curve` makes.
 

@@ -38,10 +38,9 @@ from indent_sim.fe.surface import Trace
 from indent_sim.scene.scene import Scene
 
 MOST_CONTACT_ITERATIONS = 100
-# Difference of the forces on the tip and on the flat below, relative to their sum. Each iteration
-# reduces it by the compliance of the contacts over that of the spring, about 1e-2.
+# Difference of the forces on the tip and on the flat below, relative to their sum.
 BALANCE_TOLERANCE = 1e-10
-MOST_BALANCE_ITERATIONS = 20
+MOST_BALANCE_ITERATIONS = 50
 
 
 class CondensedContact:
@@ -155,6 +154,7 @@ class CondensedContact:
         if not self.F.any():
             # Both contacts begin with the intersections at half of the depth.
             self.motion = self.depth / 2
+        previous = None
         for _ in range(MOST_BALANCE_ITERATIONS):
             if not algorithm(self):
                 return False
@@ -163,7 +163,13 @@ class CondensedContact:
             earlier_force = max(float(np.abs(F).sum()) for F in self._recent_forces)
             if abs(imbalance) <= BALANCE_TOLERANCE * max(force, 1e-3 * earlier_force):
                 return True
-            self.motion += flat.spring * imbalance
+            # The imbalance decreases with the motion: secants, after a first step of the spring
+            step = flat.spring * imbalance
+            if previous is not None and imbalance != previous[1]:
+                secant = (self.motion - previous[0]) / (previous[1] - imbalance)
+                step = max(secant, flat.spring) * imbalance
+            previous = self.motion, imbalance
+            self.motion += step
         self.failure = "the forces on tip and flat do not become equal"
         return False
 
@@ -256,6 +262,17 @@ class CondensedContact:
         if rests_on_flat is not None:
             height = np.where(rests_on_flat[:, None], 0.0, height)
         return np.asarray(height - x[-1])
+
+    def moment(self) -> float:
+        """Return the moment of the nodal forces on the model domain [force length]."""
+        trace = self.compliance.trace
+        x = np.zeros((self.compliance.size, trace.dim - 1))
+        x[trace.nodes] = trace.X[..., :-1]
+        physics = self.scene.physics
+        center = physics.track.position(self.slide)
+        lever = physics.domain.kinematics.horizontal_position(x.T, center)
+        e, g = physics.moment_axis
+        return float(self.F @ (e * lever[0] + g * lever[1]))
 
     def _weighted_areas(self, trace: Trace, points: np.ndarray, weights: np.ndarray) -> np.ndarray:
         x = np.moveaxis(trace.positions(points), -1, 0)
@@ -455,14 +472,34 @@ class CondensedContact:
         equilibrium. The change of the multiplier with the depth is included, also if Uzawa's
         iteration updates it.
         """
+        tip, from_tip = self._approach_response(self._tip_facets)
+        if self.compliance.flat is None:
+            return tip
+        # The body moves so that the forces remain equal
+        from_flat, base = self._approach_response(1 - self._tip_facets)
+        imbalance = tip - from_tip
+        balance = tip - from_tip - from_flat + base
+        return tip - imbalance / balance * (tip - from_flat) if balance else 0.0
+
+    def _approach_response(self, facets: float | np.ndarray) -> tuple[float, float]:
+        """Return the derivatives of the forces on tip and flat for an approach of some facets.
+
+        Parameters
+        ----------
+        facets
+            1 on the facets that are approached and 0 on the others, (facets, 1) or 1.
+        """
         if self.law.multiplier == "nodal":
             # The nodes in contact move down together, as under a flat punch
-            carriers, _, _, _, A, tip_areas = self._weighted_gap_matrices
+            carriers, _, _, areas, A, tip_areas = self._weighted_gap_matrices
             loaded = np.flatnonzero(self.lam[self.candidates[carriers]] > 0)
             if not len(loaded):
-                return 0.0
-            areas = tip_areas[loaded]
-            return float(areas @ np.linalg.solve(A[np.ix_(loaded, loaded)], areas))
+                return 0.0, 0.0
+            under_tip = tip_areas[loaded]
+            on_flat = areas[loaded] - under_tip
+            moved = under_tip if facets is self._tip_facets else on_flat
+            p = np.linalg.solve(A[np.ix_(loaded, loaded)], moved)
+            return float(under_tip @ p), float(on_flat @ p)
         N, W, height = self.quadrature
         epsilon_n = self.law.stiffness
         D = (
@@ -470,9 +507,11 @@ class CondensedContact:
         ) - epsilon_n * self.compliance.C
         active = (D @ self.F)[self.nodes] @ N.T - epsilon_n * (height - self._approach) > 0
         if not active.any():
-            return 0.0
-        load = self.assemble_vector((W * epsilon_n * active * self._tip_facets) @ N)
-        return float(self.newton_step(-load, active[None, None], D)[self._tip_nodes].sum())
+            return 0.0, 0.0
+        load = self.assemble_vector((W * epsilon_n * active * facets) @ N)
+        forces = self.newton_step(-load, active[None, None], D)
+        tip = float(forces[self._tip_nodes].sum())
+        return tip, float(forces.sum()) - tip
 
     @cached_property
     def _weighted_gap_matrices(self) -> tuple[np.ndarray, ...]:

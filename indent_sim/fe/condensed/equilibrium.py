@@ -19,7 +19,12 @@ from indent_sim.fe.condensed.flat_punches import punches
 from indent_sim.fe.condensed.resting_body import RestingBodyCondenser
 from indent_sim.fe.condensed.soft_tip import SoftTipCondenser
 from indent_sim.fe.discrete_body import Body
-from indent_sim.fe.path.equilibrium import Equilibrium, lateral_imbalance, state_reactions
+from indent_sim.fe.path.equilibrium import (
+    Equilibrium,
+    lateral_imbalance,
+    moment_values,
+    state_reactions,
+)
 from indent_sim.fe.path.solver_statistics import SolverStatistics
 from indent_sim.fe.postprocessing import measurements, penetration
 from indent_sim.fe.postprocessing.whole_body import WholeBody
@@ -71,7 +76,7 @@ class CondensedEquilibrium(Equilibrium):
         self.body = body
         self.has_memory = scene.physics.contact.is_path_dependent
         self.condenser = condenser or Condenser(body)
-        sides = zip(scene.physics.domain.extent[:-1], scene.physics.center, strict=False)
+        sides = zip(scene.physics.domain.extent[:-1], scene.sizes.axis, strict=False)
         # 1.5 > sqrt(2) includes the corners of a box
         self._largest_radius = 1.5 * max(
             abs(end - coordinate) for ends, coordinate in sides for end in ends
@@ -93,7 +98,7 @@ class CondensedEquilibrium(Equilibrium):
             return patch
         # The candidates extend only 3.5 elements beyond the expected contact, because every
         # candidate costs a solution
-        return min(patch, a + 3.5 * scene.sizes.h_contact)
+        return min(patch, scene.sizes.elongation * a + 3.5 * scene.sizes.h_contact)
 
     def _condense(self, radius: float) -> None:
         """Condense the body to the surface nodes within a radius [length] of the tip's axis."""
@@ -101,7 +106,7 @@ class CondensedEquilibrium(Equilibrium):
         dim = self.scene.physics.domain.dim
         law = self.scene.physics.contact
         axes = [dim - 1] if law.is_conservative else [dim - 1, *range(dim - 1)]
-        compliance = self.condenser.condense(radius, self.scene.physics.track, axes)
+        compliance = self.condenser.condense(radius, self.scene.contact_track, axes)
         self.contact = CondensedContact(compliance, self.scene, self._iterations)
         self.contact_state = CondensedState(self.contact)
         self._recent_trials: list[tuple[ContactForces, np.ndarray]] = []
@@ -111,7 +116,7 @@ class CondensedEquilibrium(Equilibrium):
             self.body.trace.select_facets(is_outside)
         )
         trace = compliance.tip_trace
-        distance = self.scene.physics.track.distance(trace.X[..., :-1])
+        distance = self.scene.contact_track.distance(trace.X[..., :-1])
         is_rim = (distance >= radius - 2 * self.scene.sizes.h_contact) & (
             radius < self._largest_radius
         )
@@ -185,7 +190,7 @@ class CondensedEquilibrium(Equilibrium):
     def _enlarge_candidate_set(self) -> bool:
         """Enlarge the set of candidate nodes; return False if it would exceed MAX_CANDIDATES."""
         wider_radius = min(1.3 * self._candidate_radius, self._largest_radius)
-        nodes = self.condenser.count_candidates(wider_radius, self.scene.physics.track) * len(
+        nodes = self.condenser.count_candidates(wider_radius, self.scene.contact_track) * len(
             self.contact.forces
         )
         if nodes > MAX_CANDIDATES:
@@ -296,6 +301,8 @@ class CondensedEquilibrium(Equilibrium):
             values["a_base"] = flat_contact_radius(contact, values["force"])
         for name, k in self.scene.physics.side_force_axes.items():
             values[f"side_force_{name}"] = symmetry_factor * contact.side_force(k)
+        if self.scene.physics.has_moment:
+            values |= moment_values(symmetry_factor * contact.moment(), values["force"])
         solution = self.condenser.local_displacements(compliance, X)
         if solution is None:
             solution = self.observed_body.local_array()

@@ -113,6 +113,19 @@ class Equilibrium(Protocol):
         """Return the results of the present equilibrium, keyed by the field names of `State`."""
 
 
+def moment_values(moment: float, force: float) -> dict[str, float]:
+    """Return the moment on the tip and the place of the resultant force, by the names of State.
+
+    Parameters
+    ----------
+    moment
+        Moment of the vertical force about the tip's center [force length].
+    force
+        Vertical force [force].
+    """
+    return {"moment": moment, "x_contact": moment / force if force > 0 else 0.0}
+
+
 def lateral_imbalance(
     scene: Scene, support_reactions: Mapping[SurfaceComponent, float], push: float
 ) -> dict[str, float]:

@@ -22,11 +22,14 @@ class LastEquilibrium(NamedTuple):
         Force [force] and depth [length].
     t
         Time [time]; 0 for a body that does not change in time.
+    slide
+        Horizontal displacement of the tip [length].
     """
 
     force: float
     delta: float
     t: float = 0.0
+    slide: float = 0.0
 
 
 def failed_state(
@@ -45,7 +48,7 @@ def failed_state(
     scene, step, value
         The scene, the number of the row and its prescribed depth or force.
     last_equilibrium
-        Force, depth and time of the last equilibrium.
+        Force, depth, time and slide of the last equilibrium.
     cause
         Reason why the solution failed.
     inverted
@@ -69,6 +72,12 @@ def failed_state(
         t = scene.physics.path.times[step - 1]
         target = f"t = {t:.6g}, {target}"
         last_place = f"t = {last_equilibrium.t:.6g}, {last_place}"
+    slide = None
+    if scene.physics.slides:
+        L = scene.physics.scales.length
+        slide = scene.physics.path.slide(step)
+        target = f"{target}, slide = {slide * L:.6g}"
+        last_place = f"{last_place}, slide = {last_equilibrium.slide * L:.6g}"
     law = scene.physics.material
     method = scene.physics.contact.method
     reason = (
@@ -86,7 +95,8 @@ def failed_state(
     if scene.physics.demixing_message:
         reason += f"; {scene.physics.demixing_message}"
     reason += _advice(scene)
-    return State(step, delta, nan, nan, nan, nan, nan, *cost, t=t, converged=False, reason=reason)
+    missing = (nan,) * 5
+    return State(step, delta, *missing, *cost, t=t, slide=slide, converged=False, reason=reason)
 
 
 def _solvent_text(scene: Scene, inverted: InvertedElements) -> str:
@@ -107,6 +117,8 @@ def _advice(scene: Scene) -> str:
     law: Any = scene.physics.contact
     is_drop = scene.physics.is_drop
     remedies: list[str] = []
+    if scene.physics.slides:
+        remedies.append("more loading.slide.steps")
     if scene.solver.linear == "iterative":
         remedies.append("solver.linear: direct")
     remedies += law.remedies

@@ -566,7 +566,10 @@ class LoadStepper:
         """Force, depth and time of the last equilibrium."""
         last = self._pending_point or self._points[-1]
         start_time = self.equilibrium.scene.physics.path.start_time or 0.0
-        return LastEquilibrium(self.equilibrium.force, last.delta, start_time + last.load_point.t)
+        load_point = last.load_point
+        return LastEquilibrium(
+            self.equilibrium.force, last.delta, start_time + load_point.t, load_point.slide
+        )
 
     def restore_last(self) -> None:
         """Restore the last accepted equilibrium after a failed increment."""

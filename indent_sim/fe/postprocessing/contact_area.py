@@ -102,7 +102,9 @@ def whole_face_area(body: ObservedBody, X: np.ndarray, trial_pressure: np.ndarra
     if radius is None or body.scene.sizes.punch_edge is None or physics.gap != "reference":
         return None
     horizontal_position = physics.domain.kinematics.horizontal_position
-    distance = np.hypot(*horizontal_position(components_first(X), body.tip_center))
+    tip = physics.indenter
+    position = horizontal_position(components_first(X), body.tip_center)
+    distance = np.hypot(*tip.on_face(*position))
     # Relative distance from a tip's sharp edge within which a point of the mesh lies on it:
     # coordinates are rounded to 12 digits.
     edge_tolerance = 1e-9
@@ -117,13 +119,14 @@ def whole_face_area(body: ObservedBody, X: np.ndarray, trial_pressure: np.ndarra
     follows_edge = smallest_at_edge < np.inf
     if not (0 < smallest_mean < np.inf and smallest_at_edge > 0):
         return None
-    if not (follows_edge or isinstance(physics.indenter, FlatPunch)):
+    if not (follows_edge or isinstance(tip.upright, FlatPunch)):
         return None
     if body.trace.dim == 2:
         local_area = _segment_measure(body, X[is_face, 0, 0], X[is_face, -1, 0])
     else:
         corners = body.trace.X[:, :3, :2] - np.array(body.tip_center)
-        local_area = float(np.abs(area_in_circle(corners, radius)).sum())
+        on_face = np.stack(tip.on_face(corners[..., 0], corners[..., 1]), axis=-1)
+        local_area = tip.foreshortening * float(np.abs(area_in_circle(on_face, radius)).sum())
     total_area = local_area if body.comm.size == 1 else body.comm.allreduce(local_area, op=MPI.SUM)
     return physics.domain.symmetry_factor * total_area
 

@@ -12,7 +12,7 @@ import numpy as np
 from mpi4py import MPI
 
 from indent_sim.fe.discrete_body import Body
-from indent_sim.fe.path.equilibrium import lateral_imbalance, state_reactions
+from indent_sim.fe.path.equilibrium import lateral_imbalance, moment_values, state_reactions
 from indent_sim.fe.path.load_control import ForceDepth, LoadControl
 from indent_sim.fe.path.solver_statistics import SolverStatistics
 from indent_sim.fe.postprocessing import contact_sample, measurements, penetration
@@ -411,6 +411,8 @@ class BodyEquilibrium:
             values[f"side_force_{name}"] = self.problem.side_force(axis)
         if self.scene.physics.yields:
             values["plastic_dissipation"] = self.problem.plastic_dissipation()
+        if self.scene.physics.has_moment:
+            values |= moment_values(self.problem.moment(), values["force"])
         body = self.problem.body
         values["intrusion"] = penetration.penetration_outside_contact_surface(
             self.observed_body, body.noncontact_trace, body.local_array()

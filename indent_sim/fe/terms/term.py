@@ -134,6 +134,10 @@ class Term:
         """Horizontal force on the tip along an axis [force], this rank's part."""
         return 0.0
 
+    def moment(self) -> float:
+        """Moment of the vertical force on the tip [force length], this rank's part."""
+        return 0.0
+
     def reactions(self) -> dict[SurfaceComponent, float]:
         """Reaction of each support that this term represents [force], this rank's part.
 

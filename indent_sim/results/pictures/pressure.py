@@ -237,7 +237,7 @@ def _pressure_singularities(
     peak = results.table.get("p_max", np.zeros(len(results)))[results["step"] == step]
     if not len(peak) or np.isfinite(peak[0]) or (scene := scene_of(results.path)) is None:
         return ()
-    tip = scene.indenter
+    tip = scene.tip
     mesh = scene.mesh
     size = mesh.h_contact if isinstance(mesh.h_contact, float) else 0.0
     element_sizes = {True: mesh.h_axis or size, False: mesh.h_edge or size}
@@ -280,7 +280,8 @@ def draw_pressure(axes: Axes, results: Results, step: float) -> None:
         if contact.shear is not None:
             axes.legend(loc="upper right")
     axes.set_title(
-        f"step {step:g}, depth {depth_text(results, step)}",
+        f"step {step:g}, depth {depth_text(results, step)}"
+        + (f", slide {slide}" if (slide := slide_text(results, step)) else ""),
         color=GREY,
         loc="left",
         fontsize="small",
@@ -597,11 +598,21 @@ def panel_title(results: Results, step: float, words: str, apart: str = ", ") ->
     words
         Label that distinguishes the panel from others.
     apart
-        Separator between time and depth.
+        Separator between time, depth and slide.
     """
     times = results.table.get("t", np.full(len(results), np.nan))[results["step"] == step]
     time = f"t = {time_text(results, float(times[0]))}{apart}" if np.isfinite(times).any() else ""
-    return ", ".join(filter(None, [words, f"{time}δ = {depth_text(results, step)}"]))
+    slide = slide_text(results, step)
+    place = f"{time}δ = {depth_text(results, step)}" + (f"{apart}x = {slide}" if slide else "")
+    return ", ".join(filter(None, [words, place]))
+
+
+def slide_text(results: Results, step: float) -> str:
+    """Return the slide of the tip at a step as text; empty if the tip does not slide."""
+    rows = results["step"] == step
+    if "slide" not in results.table or not rows.any():
+        return ""
+    return axis_of_column("slide", [results]).value_text(float(results["slide"][rows][0]))
 
 
 def depth_text(results: Results, step: float) -> str:

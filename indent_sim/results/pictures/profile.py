@@ -206,5 +206,5 @@ def _tip_line(
     scene: Config, delta: float, middle: float, width: float, length: Axis, lift: Profile
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the outline (s, z) of the tip at a depth, in the unit shown."""
-    s, z = section(scene.indenter, width)
+    s, z = section(scene.tip, width)
     return length(s + middle), length(z + lift(s) - delta / contacts_per_body(scene.body))

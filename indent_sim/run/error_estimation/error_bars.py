@@ -63,6 +63,7 @@ from indent_sim.scene.expected_error import FORCE_DEPTH_EXPONENT, edge_error
 from indent_sim.scene.measured_constants import (
     EDGE_ERROR,
     ERROR_CONSTANT,
+    MOMENT_ERROR_RATIO,
     ORDER_OF_CONVERGENCE,
     RADIUS_ERROR,
 )
@@ -173,6 +174,7 @@ class ErrorBars:
             force_error=budget.total,
             delta_error=self._depth_error(state, budget.total),
             **errors,
+            **self._moment_errors(state, budget.total),
         )
 
     # ---- force
@@ -359,6 +361,35 @@ class ErrorBars:
             * state.force
             / state.delta
         )
+
+    # ---- moment of a tilted tip
+
+    def _moment_errors(self, state: State, force_error: float) -> dict[str, Any]:
+        """Return the errors of moment and place of the force under a tilted tip; {} without tilt.
+
+        The moment grows with a higher power of the contact radius than the force, so that its
+        relative error is MOMENT_ERROR_RATIO times that of the force. It is at least the grid
+        convergence index of the moment itself, and the effect of the error of the contact's ends.
+        """
+        if state.moment is None or state.x_contact is None:
+            return {}
+        kind = "edge" if self._sizes.punch_edge is not None else "other"
+        relative = force_error / abs(state.force) if state.force else nan
+        difference = value_difference(self._coarse_states, self._run_states, state.step, "moment")
+        if self._physics.is_time_dependent or self._has_prescribed_forces:
+            # The rows of the two meshes differ in depth, too.
+            difference = 0.0
+        estimate = grid_convergence_index(difference, self.coarser_run.ratio, ORDER_OF_CONVERGENCE)
+        L = self._scales.length
+        end_element = self._sizes.surface_size(state.a / L) * L
+        # If one end of the contact moves by its error, its middle moves by half of it.
+        min_error = abs(state.force) * RADIUS_ERROR * end_element / 2
+        scaled = MOMENT_ERROR_RATIO[kind] * relative * abs(state.moment)
+        error = float(np.max([scaled, estimate, min_error]))
+        if state.delta <= 0:
+            error = 0.0
+        share = error / abs(state.moment) if state.moment else 0.0
+        return {"moment_error": error, "x_contact_error": share * abs(state.x_contact)}
 
     # ---- contact radius, pressure, stick radius, dissipation
 

@@ -339,7 +339,9 @@ def _candidate_models(
     )
     strains = (False, True) if knows_finite and not must_be_linear else (False,)
     bodies = [body for body in BODY_MODELS if not body or _is_simpler_body(body, config)]
-    tips = (False, True) if isinstance(config.indenter, Paraboloid) else (False,)
+    # A tilt changes the force of a paraboloid, and not that of a sphere.
+    may_be_sphere = isinstance(config.indenter, Paraboloid) and not config.tilt
+    tips = (False, True) if may_be_sphere else (False,)
     contacts = (True, False) if contact_extra else (True,)
     for is_finite_variant, body, has_sphere, is_plain in product(strains, bodies, tips, contacts):
         # Theory solves unbounded bodies at small strain without friction and adhesion only.

@@ -18,7 +18,7 @@ from indent_sim.model.linear_elasticity import LinearElastic
 from indent_sim.model.loading import Loading
 from indent_sim.model.relaxation import Relaxation
 from indent_sim.model.spherical_bodies import Ball, Cap
-from indent_sim.model.tips import Cone, Indenter, Plate, RegularPyramid
+from indent_sim.model.tips import Cone, Indenter, Plate, RegularPyramid, Sphere
 from indent_sim.model.unbounded_bodies import HalfSpace, InfiniteLayer
 from indent_sim.model.walled_bodies import Box, Strip
 from indent_sim.process.errors import NotConverged
@@ -110,6 +110,8 @@ class SceneVariants:
             stand_ins.append("a cone of equal cross-sections")
             half_angle = degrees(atan(tip.equivalent_radius_ratio * tan(radians(tip.half_angle))))
             tip = Cone(half_angle, tip.tip_radius)
+        if config.tilt and not isinstance(tip, Sphere):
+            stand_ins.append("an upright tip")
         self.tip: Indenter = tip
         self.stand_in_text = f" (approximated by {' and '.join(stand_ins)})" if stand_ins else ""
         keys = ("edge_radius", "tip_radius")

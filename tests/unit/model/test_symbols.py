@@ -142,7 +142,8 @@ def test_the_json_schema_describes_the_file():
     for section, kinds in schema.sections().items():
         for kind in kinds:
             properties = found["$defs"][kind.__name__]["properties"]
-            expected = {*schema.file_order(kind), *(["center"] if section == "indenter" else [])}
+            placement = schema.PLACEMENT_KEYS if section == "indenter" else ()
+            expected = {*schema.file_order(kind), *placement}
             assert set(properties) == expected
             assert all(entry["description"] for entry in properties.values())
             assert found["$defs"][kind.__name__]["additionalProperties"] is False

@@ -129,6 +129,7 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
     "no contact": ({"a": 0.0}, "there is no contact radius"),
     "a plate": ({"a": 1.9}, "exceeds the radius 0.5 at which the surface of the tip ends"),
     "went through": ({"overlap": 0.09}, "lies 0.09 inside the tip"),
+    "beside its contact": ({"x_contact": 1.2}, "the force acts at 1.2, outside the contact"),
     "energy": ({"energy": 0.02}, "but the work of a force that grew to"),
     "no energy": ({"energy": -0.001}, "the energy is -0.001"),
     "half of theory's": ({"force": 0.03, "energy": 0.001}, "but that of layer theory is"),

@@ -159,6 +159,11 @@ class Friction(Term):
             if is_reference_gap
             else compile_form(body.contact_integral(-self._traction_component(vertical)))
         )
+        self._moment_form = None
+        if body.scene.physics.has_moment and not is_reference_gap:
+            self._moment_form = compile_form(
+                body.contact_integral(-self._traction_component(vertical) * normal.gap.lever)
+            )
 
     def _slip(self, fraction: Expr | float) -> list[Expr]:
         """Slip components s_k [length] from the slip reference.
@@ -276,6 +281,10 @@ class Friction(Term):
             if self._vertical_force_form
             else 0.0
         )
+
+    def moment(self) -> float:
+        """Moment of the vertical force of friction [force length], this rank's part."""
+        return float(fem.assemble_scalar(self._moment_form)) if self._moment_form else 0.0
 
     def side_force(self, axis: int) -> float:
         """Horizontal force on the tip [force], this rank's part.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import ufl
+from dolfinx import fem
 from ufl.core.expr import Expr
 
 from indent_sim.fe.discrete_body import Body
@@ -25,6 +26,9 @@ class Gap:
         dim = body.body_mesh.dim
         u = time_level.fields["u"]
         tip = symbolic_copy(scene.physics.indenter, body.mesh)
+        self._lever_axis = [
+            fem.Constant(body.mesh, component) for component in scene.physics.moment_axis
+        ]
         self._slides = bool(scene.physics.path.slides)
         self._center = time_level.center
         if self._slides:
@@ -36,6 +40,7 @@ class Gap:
         horizontal = scene.physics.domain.kinematics.horizontal_position(
             X if self._x is None else self._x, self._center
         )
+        self._horizontal = horizontal
         if self._x is None:
             self.g = gap_reference(tip, *horizontal, X[dim - 1] + u[dim - 1], self._delta)
             self.normal = ufl.as_vector([0.0] * (dim - 1) + [-1.0])
@@ -54,6 +59,12 @@ class Gap:
         It is minus the slope of the tip along this axis; the path must slide.
         """
         return ufl.diff(self.g, self._center[axis])
+
+    @property
+    def lever(self) -> Expr:
+        """Distance of the point from the tip's center along the tilt [length]."""
+        e, g = self._lever_axis
+        return e * self._horizontal[0] + g * self._horizontal[1]
 
     @property
     def tangents(self) -> tuple[Expr, ...]:

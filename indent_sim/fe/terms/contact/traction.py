@@ -70,15 +70,18 @@ class Traction(Term):
         self.pressure = -self._potential_slope
         self._multiplier_slope = ufl.diff(potential, lam) if self._solves_for_multiplier else None
         self.energy = body.contact_integral(potential)
-        self._force_form = compile_form(
-            body.contact_integral(self._potential_slope * self.gap.depth_derivative)
-        )
+        vertical = self._potential_slope * self.gap.depth_derivative
+        self._force_form = compile_form(body.contact_integral(vertical))
+        physics = body.scene.physics
+        self._moment_form = None
+        if physics.has_moment:
+            self._moment_form = compile_form(body.contact_integral(vertical * self.gap.lever))
+        # Where there is friction and no slide, the term of friction has the part of the pressure.
+        is_pushed = physics.slides or (self.law.is_conservative and physics.side_force_axes)
         self._side_force_forms = [
-            compile_form(
-                body.contact_integral(-self._potential_slope * self.gap.slide_derivative(axis))
-            )
+            compile_form(body.contact_integral(-self._potential_slope * self._slope(axis)))
             for axis in range(body.body_mesh.dim - 1)
-            if body.scene.physics.path.slides
+            if is_pushed
         ]
 
     def _multiplier_expression(self, strain_energy: StrainEnergy) -> Expr:
@@ -141,10 +144,23 @@ class Traction(Term):
         return float(fem.assemble_scalar(self._force_form))
 
     def side_force(self, axis: int) -> float:
-        """Horizontal force -dPi/dx of the pressure on a sliding tip [force], this rank's part."""
+        """Horizontal force of the pressure on the tip [force], this rank's part.
+
+        Of a sliding tip it is -dPi/dx; 0 if the term of friction has this part.
+        """
         if not self._side_force_forms:
             return super().side_force(axis)
         return float(fem.assemble_scalar(self._side_force_forms[axis]))
+
+    def _slope(self, axis: int) -> Expr:
+        """Derivative of the gap with respect to the tip's position along a horizontal axis."""
+        if self.body.scene.physics.slides:
+            return self.gap.slide_derivative(axis)
+        return -self.gap.normal[axis]
+
+    def moment(self) -> float:
+        """Moment of the vertical force of the pressure [force length], this rank's part."""
+        return float(fem.assemble_scalar(self._moment_form)) if self._moment_form else 0.0
 
     @property
     def stiffness(self) -> float:
