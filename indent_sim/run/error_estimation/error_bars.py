@@ -521,7 +521,24 @@ class ErrorBars:
         unresolved_error = (
             self._long_step_error(state, name) if self._physics.contact.may_slip else 0.0
         )
-        return self._step_refinement.error(state, name) + unresolved_error
+        refined_error = self._step_refinement.error(state, name) + unresolved_error
+        if name == "force" and self._physics.yields:
+            return max(refined_error, self._first_increments_error(state))
+        return refined_error
+
+    def _first_increments_error(self, state: State) -> float:
+        """Return the least error of the force [force] of a body that yields, in its first rows.
+
+        There the contact on the coarser mesh has too few elements to show the error of the
+        increments. A cone in one increment has a force 19 % too small, and 23 % of its own force.
+        """
+        least_fraction = 0.25
+        deltas = (0.0, *self._physics.deltas)
+        depth = deltas[state.step]
+        increment = depth - deltas[state.step - 1]
+        if increment <= 0 or depth <= 0:
+            return 0.0
+        return least_fraction * min(increment / depth, 1.0) * abs(state.force)
 
     def _bath_error(self, state: State, name: str) -> float:
         """Return the error of a quantity due to the finite duration of the bath ramp.
