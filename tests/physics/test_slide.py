@@ -64,8 +64,8 @@ def loop_rows() -> tuple[Scene, list[State]]:
 
 
 def slide_of(state: State) -> float:
-    assert state.slide is not None
-    return state.slide
+    assert state.x is not None
+    return state.x
 
 
 def test_partial_slip_is_that_of_cattaneo_and_mindlin() -> None:
@@ -137,7 +137,7 @@ def test_a_slide_of_zero_is_no_slide() -> None:
     base = slide_scene([0.0], 2, "mesh.symmetry=full")
     *_, pressed, again, once_more = solve(base)
     for row in (again, once_more):
-        assert row.slide == 0.0
+        assert row.x == 0.0
         assert row.force == pytest.approx(pressed.force, rel=1e-6)
         assert row.side_force_x == pytest.approx(0.0, abs=2e-3 * MU * pressed.force)
 
@@ -249,7 +249,7 @@ def test_a_slide_is_resumed_where_it_stopped(method: str) -> None:
     rest = list(goes_on.states(path, lambda step: False, done=3))
     assert len(rest) == 2
     for row, again in zip(whole[3:], rest, strict=True):
-        assert again.slide == row.slide
+        assert again.x == row.x
         assert again.side_force_x == pytest.approx(row.side_force_x, rel=1e-6)
 
 

@@ -499,11 +499,11 @@ class ErrorBars:
         side force over the slide in the first row in which the tip slides.
         """
         name = self._physics.slide_force_column
-        slides = (row for row in self._run_states.values() if row.slide and getattr(row, name))
+        slides = (row for row in self._run_states.values() if row.x and getattr(row, name))
         first = min(slides, key=lambda row: row.step, default=None)
         if first is None or not self._physics.contact.may_slip:
             return 0.0
-        compliance = abs(first.slide / getattr(first, name))
+        compliance = abs(first.x / getattr(first, name))
         errors = (self._slide_force_errors.get(step, 0.0) for step in (state.step - 1, state.step))
         return float(compliance * abs(getattr(state, name)) * sum(errors))
 
@@ -676,7 +676,7 @@ def _log_slope(state: State, curve: StatesByStep) -> float:
     neighbours = [
         curve[k]
         for k in (state.step - 1, state.step, state.step + 1)
-        if k in curve and curve[k].slide == state.slide
+        if k in curve and curve[k].x == state.x
     ]
     first = min(neighbours, key=lambda s: s.delta)
     last = max(neighbours, key=lambda s: s.delta)

@@ -39,7 +39,7 @@ def test_columns_choices_and_units() -> None:
     loading = SLIDE | {"slide": {"to": "20 um", "steps": 2}}
     scene = resolve(config_from_mapping(SECTIONS | units | {"loading": loading}))
     assert scene.physics.path.slides[-1] == pytest.approx(0.02)
-    assert {"slide", "side_force_x", "stick_radius", "dissipation"} <= {*scene.columns}
+    assert {"x", "side_force_x", "stick_radius", "dissipation"} <= {*scene.columns}
     assert any(choice.key == "loading.slide" for choice in scene.plan.choices)
     assert not scene.exact_theory
 
