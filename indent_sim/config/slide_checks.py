@@ -80,6 +80,11 @@ def _obstacles(config: SceneSections) -> Iterator[tuple[bool, str, str]]:
         "does not fit a map, whose curves are forces over the depth",
         "leave loading.slide out",
     )
+    yield (
+        any(getattr(material, "plasticity", None) for _, material in config.materials()),
+        "is not verified together with plasticity: a groove that the tip ploughs",
+        "leave plasticity or loading.slide out",
+    )
     last_value = (loading.deltas or loading.forces or (1.0,))[-1]
     yield (
         last_value <= 0,

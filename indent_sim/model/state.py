@@ -18,8 +18,8 @@ DERIVED_COLUMNS = ("stiffness", "area", "E_hertz")
 FRICTION_COLUMNS = ("stick_radius", "dissipation", "side_force_x", "side_force_y")
 # Columns of scenes with a tilted tip.
 TILT_COLUMNS = ("moment", "x_contact")
-# Columns of scenes with a tip that slides; slide comes after delta.
-SLIDE_COLUMNS = ("slide",)
+# Columns of scenes with a tip that slides; x comes after delta.
+SLIDE_COLUMNS = ("x",)
 # Columns of scenes with fluid in the pores.
 FLUID_COLUMNS = ("outflow", "pore_pressure_max")
 # Columns of scenes with a body that yields.
@@ -159,7 +159,7 @@ class State:
         Contact area [length^2].
     E_hertz
         Modulus from a half-space fit of this row alone [pressure].
-    slide
+    x
         Horizontal displacement of a sliding tip from where it was pressed in [length].
     stick_radius
         Radius of the region that does not slip, with friction [length].
@@ -237,7 +237,7 @@ class State:
     stiffness: float | None = None
     area: float | None = None
     E_hertz: float | None = None
-    slide: float | None = None
+    x: float | None = None
     stick_radius: float | None = None
     dissipation: float | None = None
     plastic_dissipation: float | None = None
@@ -276,11 +276,11 @@ class State:
         return self.summary({})
 
     def summary(self, units: Mapping[str, str]) -> str:
-        """Return time, depth, slide, force and contact radius as text.
+        """Return time, depth, slide x, force and contact radius as text.
 
         `units` maps the names of these quantities to their units.
         """
-        numbers = {"t": self.t, "delta": self.delta, "slide": self.slide}
+        numbers = {"t": self.t, "delta": self.delta, "x": self.x}
         numbers |= {"force": self.force, "a": self.a}
         known_numbers = {
             name: value
@@ -356,7 +356,7 @@ def _field_units(scales: Scales) -> dict[str, float]:
     )
     lengths = (
         "a",
-        "slide",
+        "x",
         "penetration",
         "overlap",
         "intrusion",

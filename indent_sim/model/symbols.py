@@ -319,8 +319,6 @@ wall_s [s]: wall time since the start of the run
 stick_radius [length]: sqrt(area/pi) of the part of the contact that does not slip on the tip, with
   friction; in plane strain half its width
 dissipation [energy]: energy dissipated by friction since the previous row; with friction
-slide [length] $x$: horizontal displacement of the tip from where it was pressed in; with
-  loading.slide
 plastic_dissipation [energy]: energy dissipated by plastic flow since the undeformed state; with
   plasticity
 hardness [pressure] $H$: force over contact area under load; with plasticity
@@ -463,7 +461,8 @@ drift_percent [1]: first varied key from a fit to half the depth over that from 
 hertz_E [pressure]: modulus of a half-space fit from the same contact point
 
 ## Contact surface
-x [length] $x$: undeformed position along x; along the radius in an axisymmetric scene
+x [length] $x$: undeformed position along x; along the radius in an axisymmetric scene; in the force
+  table the horizontal displacement of the tip from where it was pressed in, with loading.slide
 y [length] $y$: undeformed position along y; 0 in a scene with two dimensions
 u [length] $u$: displacement
 z [length] $z$: height of the undeformed point, 0 on a flat top; in the force table the position of

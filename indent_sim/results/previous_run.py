@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from indent_sim.config.scene_file import load, to_yaml
 from indent_sim.config.schema import REMOVED_KEYS
-from indent_sim.config.strict_yaml import inline_yaml, key_text, leaf_values, parse
+from indent_sim.config.strict_yaml import KeyPath, inline_yaml, key_text, leaf_values, parse
 from indent_sim.model.state import SLIDE_COLUMNS, STATE_COLUMNS, State
 from indent_sim.process.errors import ConfigError, UsageError
 from indent_sim.results import result_files, tables
@@ -172,6 +173,15 @@ def _current_config_yaml(path: Path) -> str:
         return text
 
 
+def _contains_key(document: Any, path: KeyPath) -> bool:
+    """Return whether a document, which may be damaged, has an entry at a path."""
+    for part in path:
+        if not isinstance(document, Mapping) or part not in document:
+            return False
+        document = document[part]
+    return True
+
+
 def _refuse_other_config(
     folder: Path, old_yaml: str, new_yaml: str, automatic_keys: Collection[str]
 ) -> None:
@@ -184,11 +194,10 @@ def _refuse_other_config(
     documents = [parse(text, str(folder / CONFIG))[0] for text in (old_yaml, new_yaml)]
     old_values, new_values = (dict(leaf_values(document)) for document in documents)
     for path, (problem, remedy) in REMOVED_KEYS.items():
-        removed_key = key_text(path)
-        if any(f"{key}.".startswith((f"{removed_key}.", f"{removed_key}[")) for key in old_values):
+        if _contains_key(documents[0], path):
             remedy_text = f"give --overwrite in place of --resume to replace it; {remedy}"
             raise ConfigError(
-                removed_key, f"{problem}; {folder} contains a run with this key", remedy_text
+                key_text(path), f"{problem}; {folder} contains a run with this key", remedy_text
             )
     differing_keys = [
         key for key in {**new_values, **old_values} if old_values.get(key) != new_values.get(key)

@@ -114,9 +114,9 @@ class Results:
         """Return the horizontal displacement (x, y) of the tip at a step [length]; 0 if unknown."""
         axis = self.report.get("slide_axis")
         rows = np.flatnonzero(self["step"] == step)
-        if axis not in ("x", "y") or "slide" not in self.table or not len(rows):
+        if axis not in ("x", "y") or "x" not in self.table or not len(rows):
             return np.zeros(2)
-        return float(self["slide"][rows[0]]) * np.array([axis == "x", axis == "y"])
+        return float(self["x"][rows[0]]) * np.array([axis == "x", axis == "y"])
 
     @property
     def columns(self) -> tuple[str, ...]:

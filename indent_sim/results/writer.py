@@ -265,7 +265,7 @@ class ResultFolder:
         if self._fields is None:
             return
         with defer_signals(), self._convert_write_errors():
-            self._fields.write(state.step, state.delta, fields, time, state.slide or 0.0)
+            self._fields.write(state.step, state.delta, fields, time, state.x or 0.0)
 
     def write_experiment(self, rows: Sequence[Any], dynamic: Sequence[Any]) -> None:
         """Write experiment.csv and dynamic.csv, or delete a file that would have no rows."""

@@ -163,10 +163,10 @@ def hertz_fit(scene: Scene, states: Sequence[State]) -> dict[str, Any] | None:
     -------
     dict or None
         `E`: the modulus [user's units]; `percent`: its difference from that of the material below
-        the tip; `against`: the name of that material if there are several. None with adhesion, or
-        if there is no formula or no contact.
+        the tip; `against`: the name of that material if there are several. None with adhesion or
+        yield, or if there is no formula or no contact.
     """
-    if scene.plan.adhesion:
+    if scene.plan.adhesion or scene.physics.yields:
         return None
     D = scene.physics.scales.depth
     F = scene.physics.scales.force

@@ -59,8 +59,8 @@ class PreviousRows:
 
     def slide_increment(self, state: State) -> float:
         """Return the length by which the tip slides from the last row to a state [length]."""
-        last_slide = (self.last.slide if self.last else None) or 0.0
-        return abs((state.slide or 0.0) - last_slide)
+        last_x = (self.last.x if self.last else None) or 0.0
+        return abs((state.x or 0.0) - last_x)
 
     def largest_shallower_force(self, delta: float) -> RowForce | None:
         """Return the row at a smaller depth whose error bar has the largest lower end, or None."""

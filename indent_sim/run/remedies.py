@@ -160,7 +160,7 @@ def try_remedies(
 def _place(state: State) -> str:
     """Return the depth of a row, and its time and slide if it has them, as text."""
     time_text = f"t = {state.t:.6g}, " if state.t is not None else ""
-    slide_text = f", slide = {state.slide:.6g}" if state.slide is not None else ""
+    slide_text = f", x = {state.x:.6g}" if state.x is not None else ""
     return f"{time_text}delta = {state.delta:.6g}{slide_text}"
 
 

@@ -55,7 +55,7 @@ def slide_work(states: Sequence[State], side_force: str) -> float:
     """
     if not side_force:
         return 0.0
-    slide = np.array([state.slide for state in states])
+    slide = np.array([state.x for state in states])
     force = np.array([getattr(state, side_force) or 0.0 for state in states])
     return float(-np.sum(np.diff(slide) * (force[1:] + force[:-1]) / 2))
 
@@ -91,7 +91,7 @@ def hysteresis_loop(states: Sequence[State]) -> HysteresisLoop | None:
     the rows. It is estimated as a third of the change of the area if every second row between
     turning points is left out.
     """
-    if any(state.slide for state in states):
+    if any(state.x for state in states):
         return None
     rows = [(state.delta, state.force) for state in states]
     if rows[0][0] > 0:  # loading begins at first contact

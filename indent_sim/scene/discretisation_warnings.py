@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
+from itertools import pairwise
 from math import inf
 
 from indent_sim.mesh.imported_domain import ImportedDomain
@@ -23,6 +24,7 @@ from indent_sim.scene.measured_constants import (
     MAX_SLIPPING_FRICTION,
     RADIUS_ERROR,
     TENSION_PRESSURE_LIMIT,
+    YIELD_INCREMENT_ERROR,
 )
 from indent_sim.scene.model_warnings import NO_CONTACT, ModelWarning, theory_warnings
 from indent_sim.scene.problem_setup import ProblemSetup
@@ -72,6 +74,7 @@ def scene_warnings(
     return (
         *theory_warnings(setup, gap),
         *contact_warnings,
+        *_yield_warnings(setup),
         *_mesh_warnings(setup, row_depths, sizes),
         *_facet_warnings(setup, sizes),
         *truncation_warnings,
@@ -114,6 +117,20 @@ def _contact_law_warnings(
         yield ModelWarning(
             "penalty", message if force_loss >= NEGLIGIBLE_ERROR else "", last_row_loss
         )
+
+
+def _yield_warnings(setup: ProblemSetup) -> Iterator[ModelWarning]:
+    """Yield a warning on the error due to long increments of a body that yields."""
+    deltas = setup.physics.deltas
+    longest = max(after - before for before, after in pairwise((0.0, *deltas)))
+    error = YIELD_INCREMENT_ERROR * longest / setup.max_depth
+    if setup.physics.yields and error >= NEGLIGIBLE_ERROR:
+        message = (
+            f"yield: with increments of {longest / setup.max_depth:.2g} of the depth the force is "
+            f"up to about {100 * error:.2g} % too low; shorter increments reduce this in "
+            "proportion, and --error-bars computes it"
+        )
+        yield ModelWarning("increments", message)
 
 
 def _friction_warnings(

@@ -215,3 +215,9 @@ KRYLOV_BYTES = 3.3e3
 # one of a time-dependent body at finite strain, which was 1.3 to 1.9 on three scenes of configs/.
 FRICTION_STEP_FACTOR = {2: 2.2, 3: 1.0}
 TIME_DEPENDENT_STEP_FACTOR = 1.6
+
+# Relative error [-] of the force of a body that yields, too low, divided by the longest increment
+# relative to the depth. Measured on cones of 70.3 degrees in 10, 20, 40 and 80 increments: 0.64 to
+# 0.68 at E/sigma_y = 100, 0.4 at 33, 0.3 with n = 0.5. Repeated by:
+# tests/physics/test_plasticity.py.
+YIELD_INCREMENT_ERROR = 0.7

@@ -76,8 +76,8 @@ def failed_state(
     if scene.physics.slides:
         L = scene.physics.scales.length
         slide = scene.physics.path.slide(step)
-        target = f"{target}, slide = {slide * L:.6g}"
-        last_place = f"{last_place}, slide = {last_equilibrium.slide * L:.6g}"
+        target = f"{target}, x = {slide * L:.6g}"
+        last_place = f"{last_place}, x = {last_equilibrium.slide * L:.6g}"
     law = scene.physics.material
     method = scene.physics.contact.method
     reason = (
@@ -96,7 +96,7 @@ def failed_state(
         reason += f"; {scene.physics.demixing_message}"
     reason += _advice(scene)
     missing = (nan,) * 5
-    return State(step, delta, *missing, *cost, t=t, slide=slide, converged=False, reason=reason)
+    return State(step, delta, *missing, *cost, t=t, x=slide, converged=False, reason=reason)
 
 
 def _solvent_text(scene: Scene, inverted: InvertedElements) -> str:

@@ -37,7 +37,7 @@ COLUMN_LABELS = {
     "pore_pressure_max": ("largest pore pressure p", "pressure"),
     "p_max": ("largest pressure p", "pressure"),
     "penetration": ("penetration", "length"),
-    "slide": ("slide x", "length"),
+    "x": ("slide x", "length"),
     "side_force_x": ("side force $F_x$", "force"),
     "side_force_y": ("side force $F_y$", "force"),
 }

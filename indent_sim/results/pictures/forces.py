@@ -346,15 +346,15 @@ def _draw_radius(axes: Axes, runs: Sequence[Results], theory: Report | None) -> 
 def slide_force_column(results: Results) -> str:
     """Return the column of the side force along the slide; empty if the tip does not slide."""
     name = f"side_force_{results.report.get('slide_axis')}"
-    return name if name in results.table and np.any(results.table.get("slide", 0.0)) else ""
+    return name if name in results.table and np.any(results.table.get("x", 0.0)) else ""
 
 
 def _draw_side_force(axes: Axes, results: Results, side_force: str) -> None:
     """Draw the side force over the slide, with the work and the dissipation of the last loop."""
-    slide = axis_of_column("slide", [results])
+    slide = axis_of_column("x", [results])
     force = axis_of_column(side_force, [results])
-    first = max(int(np.flatnonzero(results["slide"])[0]) - 1, 0)
-    x = results["slide"][first:]
+    first = max(int(np.flatnonzero(results["x"])[0]) - 1, 0)
+    x = results["x"][first:]
     F = results[side_force][first:]
     style = curves.line_style(0, 1)
     marker = style["marker"] if len(x) <= figures.MAX_MARKED_POINTS else ""

@@ -610,9 +610,9 @@ def panel_title(results: Results, step: float, words: str, apart: str = ", ") ->
 def slide_text(results: Results, step: float) -> str:
     """Return the slide of the tip at a step as text; empty if the tip does not slide."""
     rows = results["step"] == step
-    if "slide" not in results.table or not rows.any():
+    if "x" not in results.table or not rows.any():
         return ""
-    return axis_of_column("slide", [results]).value_text(float(results["slide"][rows][0]))
+    return axis_of_column("x", [results]).value_text(float(results["x"][rows][0]))
 
 
 def depth_text(results: Results, step: float) -> str:

@@ -502,11 +502,11 @@ class ErrorBars:
         side force over the slide in the first row in which the tip slides.
         """
         name = self._physics.slide_force_column
-        slides = (row for row in self._run_states.values() if row.slide and getattr(row, name))
+        slides = (row for row in self._run_states.values() if row.x and getattr(row, name))
         first = min(slides, key=lambda row: row.step, default=None)
         if first is None or not self._physics.contact.may_slip:
             return 0.0
-        compliance = abs(first.slide / getattr(first, name))
+        compliance = abs(first.x / getattr(first, name))
         errors = (self._slide_force_errors.get(step, 0.0) for step in (state.step - 1, state.step))
         return float(compliance * abs(getattr(state, name)) * sum(errors))
 
@@ -524,7 +524,24 @@ class ErrorBars:
         unresolved_error = (
             self._long_step_error(state, name) if self._physics.contact.may_slip else 0.0
         )
-        return self._step_refinement.error(state, name) + unresolved_error
+        refined_error = self._step_refinement.error(state, name) + unresolved_error
+        if name == "force" and self._physics.yields:
+            return max(refined_error, self._first_increments_error(state))
+        return refined_error
+
+    def _first_increments_error(self, state: State) -> float:
+        """Return the least error of the force [force] of a body that yields, in its first rows.
+
+        There the contact on the coarser mesh has too few elements to show the error of the
+        increments. A cone in one increment has a force 19 % too small, and 23 % of its own force.
+        """
+        least_fraction = 0.25
+        deltas = (0.0, *self._physics.deltas)
+        depth = deltas[state.step]
+        increment = depth - deltas[state.step - 1]
+        if increment <= 0 or depth <= 0:
+            return 0.0
+        return least_fraction * min(increment / depth, 1.0) * abs(state.force)
 
     def _bath_error(self, state: State, name: str) -> float:
         """Return the error of a quantity due to the finite duration of the bath ramp.
@@ -662,7 +679,7 @@ def _log_slope(state: State, curve: StatesByStep) -> float:
     neighbours = [
         curve[k]
         for k in (state.step - 1, state.step, state.step + 1)
-        if k in curve and curve[k].slide == state.slide
+        if k in curve and curve[k].x == state.x
     ]
     first = min(neighbours, key=lambda s: s.delta)
     last = max(neighbours, key=lambda s: s.delta)

@@ -101,6 +101,9 @@ def test_a_scene_that_yields(model: str) -> None:
     assert physics.yields and physics.is_path_dependent and not physics.is_linear
     assert scene.solver.method == "newton" and not scene.exact_theory
     assert physics.columns == ("plastic_dissipation", "hardness")
+    # 0.7 of the longest increment over the depth
+    (warning,) = [entry for entry in scene.plan.model_warnings if entry.key == "increments"]
+    assert "14 % too low" in warning.message and "--error-bars" in warning.message
     # stresses are divided by the scene's unit of pressure
     law = physics.material
     assert law.plasticity is not None

@@ -39,7 +39,7 @@ def test_columns_choices_and_units() -> None:
     loading = SLIDE | {"slide": {"to": "20 um", "steps": 2}}
     scene = resolve(config_from_mapping(SECTIONS | units | {"loading": loading}))
     assert scene.physics.path.slides[-1] == pytest.approx(0.02)
-    assert {"slide", "side_force_x", "stick_radius", "dissipation"} <= {*scene.columns}
+    assert {"x", "side_force_x", "stick_radius", "dissipation"} <= {*scene.columns}
     assert any(choice.key == "loading.slide" for choice in scene.plan.choices)
     assert not scene.exact_theory
 
@@ -69,6 +69,10 @@ def test_a_plane_along_the_slide_is_a_mirror_plane(along: float, axis: str) -> N
         (
             {"contact": {"adhesion": {"work": 1e-4, "range": 1e-3}}},
             "may snap in or off",
+        ),
+        (
+            {"material": ELASTIC | {"plasticity": {"yield_stress": 0.01}}},
+            "together with plasticity",
         ),
         ({"contact": {"method": "active_set"}}, "those of one position"),
         ({"loading": {"deltas": [0.01, 0.0], "slide": {"to": [0.1]}}}, "which is not above 0"),

@@ -13,7 +13,7 @@ from indent_sim.run.work_and_loops import hysteresis_loop
 
 def path(*rows: tuple[float, float]) -> Sequence[Any]:
     """Rows of depth and force."""
-    return [SimpleNamespace(delta=delta, force=force, slide=None) for delta, force in rows]
+    return [SimpleNamespace(delta=delta, force=force, x=None) for delta, force in rows]
 
 
 def test_an_elastic_path_that_ends_in_contact_has_no_loop() -> None:
