@@ -739,10 +739,10 @@ def test_a_step_that_fails_is_cut_in_time() -> None:
     walk, refused = solver.LoadStepper(body), [True]
     once = body.solve
 
-    def reluctant(depth: float, dt: float = 0.0) -> bool:
+    def reluctant(depth: float, dt: float = 0.0, slide: float = 0.0) -> bool:
         if is_refused := dt > 0 and refused[0]:
             refused[0] = False
-        return not is_refused and once(depth, dt)
+        return not is_refused and once(depth, dt, slide)
 
     body.solve = reluctant  # type: ignore[method-assign]
     path = LoadPath("depth", (DELTA, DELTA), (0.0, 50.0), ("approach", "hold"), start_time=0.0)

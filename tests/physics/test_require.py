@@ -56,6 +56,7 @@ NAMES = [
     "small_strain",
     "incompressible",
     "blunt_tip",
+    "bond_below",
     "soft_tip",
     "tilt",
     "surface_tension",
