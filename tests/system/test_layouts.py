@@ -129,7 +129,7 @@ def test_a_layout_without_room_is_refused(gel: Path) -> None:
         indent_sim.plot(gel, "force,pressure", layout=(1, 1))
     with pytest.raises(UsageError, match=r"4 panels side by side .* need --width"):
         indent_sim.plot(gel, "force", layout=(1, 4), width=60)
-    with pytest.raises(UsageError, match="plot has no option colour; it has fields"):
+    with pytest.raises(UsageError, match="plot has no option colour; its options are fields"):
         indent_sim.plot(gel, "force", colour="red")
 
 

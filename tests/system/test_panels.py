@@ -683,8 +683,8 @@ def test_a_wish_without_effect_is_refused(given, said):
 @pytest.mark.parametrize(
     ("wish", "said"),
     [
-        ({"layout": (1000, 1000)}, "is for 1000000 panels; a picture has 40 at most"),
-        ({"layout": (1, 41)}, "is for 41 panels"),
+        ({"layout": (1000, 1000)}, "has 1000000 panels; a picture has 40 at most"),
+        ({"layout": (1, 41)}, "has 41 panels"),
         (
             {"what": ("force", "profile") * 100 + ("force",)},
             "the request has 201 panels, but a picture can have at most 40",

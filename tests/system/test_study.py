@@ -268,8 +268,8 @@ MALFORMED = [
         "vary.zip",
         "same number of values",
     ),
-    ("base: scene.yaml\nvary: {zip: [c], a: [1]}\n", 2, "vary.zip", "varied here"),
-    ("base: scene.yaml\nvary: {zip: [[]], a: [1]}\n", 2, "vary.zip", "varied here"),
+    ("base: scene.yaml\nvary: {zip: [c], a: [1]}\n", 2, "vary.zip", "keys of this section"),
+    ("base: scene.yaml\nvary: {zip: [[]], a: [1]}\n", 2, "vary.zip", "keys of this section"),
     ("base: scene.yaml\nvaryy: {mesh.h_far: [0.4]}\n", 2, "varyy", "did you mean 'vary'"),
     ("base: scene.yaml\nmesh: {h_far: 0.4}\nvary: {mesh.h_far: [0.4]}\n", 2, "mesh", "base scene"),
     (
@@ -412,7 +412,7 @@ class TestPlan:
         )
         assert {row["mesh.h_contact"] for row in told["rows"]} == {0.06, 0.05, 0.04}
         text = CliRunner().invoke(commands.program, ["plan", str(path)])
-        assert "6 runs, compared with theory; 3 points are the same scene" in text.stdout
+        assert "6 runs, compared with theory; 3 points have the same scene" in text.stdout
         assert sorted(entry.name for entry in tmp_path.iterdir()) == ["STUDY.yaml", "scene.yaml"]
 
     def test_errors_are_those_of_the_study(self, written):
