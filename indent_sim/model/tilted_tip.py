@@ -113,15 +113,17 @@ class TiltedTip(_Tip):
 
     def _components(self, x: Expr, y: Expr) -> tuple[Expr, Expr]:
         """Return the components of a horizontal vector along and across `towards`."""
-        c, d = cos(self.towards), sin(self.towards)
-        return x * c + y * d, y * c - x * d
+        cos_towards = cos(self.towards)
+        sin_towards = sin(self.towards)
+        return x * cos_towards + y * sin_towards, y * cos_towards - x * sin_towards
 
     def _origin(self) -> tuple[Expr, Expr]:
         """Return (s, z) of the origin of the module's coordinates relative to the apex [length]."""
-        c, d = cos(self.tilt), sin(self.tilt)
+        cos_tilt = cos(self.tilt)
+        sin_tilt = sin(self.tilt)
         r, f = _touching_point(self.tip, self.tilt)
-        along = 0.0 if isinstance(self.tip, FlatPunch) else r * c + f * d
-        return along, f * c - r * d
+        along = 0.0 if isinstance(self.tip, FlatPunch) else r * cos_tilt + f * sin_tilt
+        return along, f * cos_tilt - r * sin_tilt
 
     def gap_current(self, x: Expr, y: Expr, depth: Expr) -> Expr:
         """Return the gap of the upright tip at this point in the tip's own frame [length].
@@ -133,26 +135,38 @@ class TiltedTip(_Tip):
 
     def _in_frame_of_tip(self, x: Expr, y: Expr, z: Expr) -> tuple[Expr, Expr, Expr]:
         """Return the coordinates of a point (x, y, z) in the frame of the tip [length]."""
-        c, d = cos(self.tilt), sin(self.tilt)
+        cos_tilt = cos(self.tilt)
+        sin_tilt = sin(self.tilt)
+        cos_towards = cos(self.towards)
+        sin_towards = sin(self.towards)
         along, above = self._origin()
         s, q = self._components(x, y)
-        s, z = (s + along), (z + above)
-        turned = s * c - z * d
-        e, g = cos(self.towards), sin(self.towards)
-        return turned * e - q * g, turned * g + q * e, s * d + z * c
+        s = s + along
+        z = z + above
+        turned = s * cos_tilt - z * sin_tilt
+        return (
+            turned * cos_towards - q * sin_towards,
+            turned * sin_towards + q * cos_towards,
+            s * sin_tilt + z * cos_tilt,
+        )
 
     def in_space(self, points: Any) -> Any:
         """Return points (n, 3) of the frame of the tip in space, relative to the origin [length].
 
         z is the height above the lowest point.
         """
-        c, d = cos(self.tilt), sin(self.tilt)
-        e, g = cos(self.towards), sin(self.towards)
+        cos_tilt = cos(self.tilt)
+        sin_tilt = sin(self.tilt)
+        cos_towards = cos(self.towards)
+        sin_towards = sin(self.towards)
         along, above = self._origin()
         X, Y, Z = points.T
-        turned, q = X * e + Y * g, Y * e - X * g
-        s, z = turned * c + Z * d - along, Z * c - turned * d - above
-        return np.column_stack([s * e - q * g, s * g + q * e, z])
+        turned, q = self._components(X, Y)
+        s = turned * cos_tilt + Z * sin_tilt - along
+        z = Z * cos_tilt - turned * sin_tilt - above
+        return np.column_stack(
+            [s * cos_towards - q * sin_towards, s * sin_towards + q * cos_towards, z]
+        )
 
     @property
     def has_closed_height(self) -> bool:
@@ -193,10 +207,11 @@ class TiltedTip(_Tip):
 
         It is the root of A z^2 - 2 B z + C = 0 that vanishes with C; `ended` without a root.
         """
-        c, d = cos(self.tilt), sin(self.tilt)
-        A = d * d - T2 * c * c
-        B = s * d * c * (1 + T2) + R * c
-        C = s * s * (c * c - T2 * d * d) + q * q - 2 * R * s * d
+        cos_tilt = cos(self.tilt)
+        sin_tilt = sin(self.tilt)
+        A = sin_tilt * sin_tilt - T2 * cos_tilt * cos_tilt
+        B = s * sin_tilt * cos_tilt * (1 + T2) + R * cos_tilt
+        C = s * s * (cos_tilt * cos_tilt - T2 * sin_tilt * sin_tilt) + q * q - 2 * R * s * sin_tilt
         square = B * B - A * C
         # Both branches of a conditional are evaluated, and a cone has B = C = 0 at its apex.
         root = sqrt(maximum(square, 0.0 * s)) + 1e-300
@@ -206,35 +221,37 @@ class TiltedTip(_Tip):
 
     def _cone_height(self, s: Expr, q: Expr, above: Expr) -> Expr:
         """Return the height of a cone, whose apex may be rounded by a ball [length]."""
-        c, d = cos(self.tilt), sin(self.tilt)
+        cos_tilt = cos(self.tilt)
+        sin_tilt = sin(self.tilt)
         rho = self.tip.tip_radius
         sin_angle = sin(self.tip.half_angle)
         # Distance, along the axis, of the point where the flanks would meet below the rounded apex.
         below = rho * (1 / sin_angle - 1)
         flank = (
             self._quadric_height(
-                s + below * d, q, tan(self.tip.half_angle) ** 2, 0.0, ENDED_TIP_HEIGHT
+                s + below * sin_tilt, q, tan(self.tip.half_angle) ** 2, 0.0, ENDED_TIP_HEIGHT
             )
-            - below * c
+            - below * cos_tilt
         )
-        along_axis = s * d + flank * c
-        square = minimum((s - rho * d) ** 2 + q * q, rho * rho)
+        along_axis = s * sin_tilt + flank * cos_tilt
+        square = minimum((s - rho * sin_tilt) ** 2 + q * q, rho * rho)
         ball = square / (rho + sqrt(rho * rho - square) + 1e-300)
         return where_less(along_axis, rho * (1 - sin_angle), ball, flank - above)
 
     def _profile_height(self, s: Expr, q: Expr, above: Expr, x: Expr, y: Expr) -> Expr:
         """Return the height of a sharp profile, the largest of those of its cones [length]."""
-        c, d = cos(self.tilt), sin(self.tilt)
+        cos_tilt = cos(self.tilt)
+        sin_tilt = sin(self.tilt)
         heights = []
         for (r_0, z_0), (r_1, z_1) in zip(self.tip.points, self.tip.points[1:], strict=False):
             slope = (z_1 - z_0) / (r_1 - r_0)
             if z_1 == z_0:
-                heights.append(-s * d / c + z_0 / c)
+                heights.append(-s * sin_tilt / cos_tilt + z_0 / cos_tilt)
                 continue
             apex = z_0 - slope * r_0
             heights.append(
-                self._quadric_height(s - apex * d, q, 1 / slope**2, 0.0, ENDED_TIP_HEIGHT)
-                + apex * c
+                self._quadric_height(s - apex * sin_tilt, q, 1 / slope**2, 0.0, ENDED_TIP_HEIGHT)
+                + apex * cos_tilt
             )
         height = _largest(heights) - above
         X, Y, _ = self._in_frame_of_tip(x, y, height)
@@ -243,14 +260,17 @@ class TiltedTip(_Tip):
 
     def _pyramid_height(self, s: Expr, q: Expr) -> Expr:
         """Return the height of a sharp pyramid, the largest of those of its faces [length]."""
-        c, d = cos(self.tilt), sin(self.tilt)
+        cos_tilt = cos(self.tilt)
+        sin_tilt = sin(self.tilt)
         slope = 1 / tan(self.tip.half_angle)
         heights = []
         for k in range(self.tip.faces):
             angle = self.tip.rotation + 360 / self.tip.faces * k - self.towards
-            along, across = cos(angle), sin(angle)
+            along = cos(angle)
+            across = sin(angle)
             heights.append(
-                (s * (slope * c * along - d) + q * slope * across) / (c + slope * d * along)
+                (s * (slope * cos_tilt * along - sin_tilt) + q * slope * across)
+                / (cos_tilt + slope * sin_tilt * along)
             )
         return _largest(heights)
 
@@ -258,7 +278,8 @@ class TiltedTip(_Tip):
         """Return the height of a tip without a formula, from the zero of its gap [length]."""
         x, y = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
         size = self._length
-        c, d = cos(self.tilt), sin(self.tilt)
+        cos_tilt = cos(self.tilt)
+        sin_tilt = sin(self.tilt)
         along, above = self._origin()
         s, _ = self._components(x, y)
         # Every vertical line that meets the lower surface leaves the tip at this height along its
@@ -267,7 +288,7 @@ class TiltedTip(_Tip):
         low = np.zeros(x.shape)
         high = 1e4 * (size + np.hypot(x, y))
         if level is not None:
-            high = (level - (s + along) * d) / c - above
+            high = (level - (s + along) * sin_tilt) / cos_tilt - above
         ends = self.gap_current(x, y, high) > 1e-12 * size
         for _ in range(BISECTIONS + 14):
             middle = 0.5 * (low + high)
@@ -317,14 +338,16 @@ class TiltedTip(_Tip):
 
     def _sharp_section_radius(self) -> float:
         """Return the radius of a circle with the area of a sharp pyramid's section at height 1."""
-        c, d = float(cos(self.tilt)), float(sin(self.tilt))
+        cos_tilt = float(cos(self.tilt))
+        sin_tilt = float(sin(self.tilt))
         faces = self.tip.faces
         angles = np.radians(
             self.tip.rotation - self.towards + 360 / faces * (np.arange(faces) + 0.5)
         )
         rise = float(cos(180 / faces) / tan(self.tip.half_angle))
-        z = rise * c - np.cos(angles) * d
-        s, q = (np.cos(angles) * c + rise * d) / z, np.sin(angles) / z
+        z = rise * cos_tilt - np.cos(angles) * sin_tilt
+        s = (np.cos(angles) * cos_tilt + rise * sin_tilt) / z
+        q = np.sin(angles) / z
         area = abs(s @ np.roll(q, -1) - q @ np.roll(s, -1)) / 2
         return float(np.sqrt(area / pi))
 
@@ -333,11 +356,13 @@ class TiltedTip(_Tip):
 
         `angles` are the directions [degrees from x], `depth` is the height of the section.
         """
-        e, g = np.cos(np.radians(angles)), np.sin(np.radians(angles))
+        cos_angles = np.cos(np.radians(angles))
+        sin_angles = np.sin(np.radians(angles))
 
         def is_inside(distance: np.ndarray) -> np.ndarray:
             return np.asarray(
-                self.height(origin[0] + distance * e, origin[1] + distance * g) < depth
+                self.height(origin[0] + distance * cos_angles, origin[1] + distance * sin_angles)
+                < depth
             )
 
         return _last_inside(is_inside, depth * np.ones(len(angles)))
@@ -387,7 +412,7 @@ class TiltedTip(_Tip):
         return (self.equivalent_tip() or self.tip).slope_discontinuities()
 
     def radius_scale(self, r: float) -> float | None:
-        """Return the radius of curvature of the upright tip with equal sections, None if sharp."""
+        """Return the radius of curvature of the upright tip with equal sections; None if sharp."""
         return (self.equivalent_tip() or self.tip).radius_scale(r)
 
     def characteristic_strain(self, delta: float, a: float) -> tuple[float, str]:
@@ -419,7 +444,7 @@ def largest_tilt(tip: Indenter) -> float:
         case Cone() | Hyperboloid():
             return 90.0 - tip.half_angle
         case Profile():
-            return degrees(atan(float(_last_slope(tip))))
+            return degrees(atan(float(_slope_of_outermost_cone(tip))))
     return 90.0
 
 
@@ -432,12 +457,12 @@ def overhang_tilt(tip: Indenter) -> float:
         case RegularPyramid() | Cone() | Hyperboloid():
             return float(tip.half_angle)
         case Profile():
-            return 90.0 - degrees(atan(float(_last_slope(tip))))
+            return 90.0 - degrees(atan(float(_slope_of_outermost_cone(tip))))
     return 90.0
 
 
-def _last_slope(tip: Profile) -> Expr:
-    """Return the slope of the outermost part of a profile."""
+def _slope_of_outermost_cone(tip: Profile) -> Expr:
+    """Return the slope dz/dr of the outermost cone of a profile."""
     (r_0, z_0), (r_1, z_1) = tip.points[-2:]
     return (z_1 - z_0) / (r_1 - r_0)
 
