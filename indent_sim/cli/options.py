@@ -190,7 +190,8 @@ columns_option = click.option(
 sensitivity_option = click.option(
     "--sensitivity",
     metavar="X",
-    help="Deflection per voltage of a text file with volts, e.g. '50 nm/V' [from its header].",
+    help="Deflection per detector signal of a text file whose deflection is in volts or amperes, "
+    "e.g. '50 nm/V' [from its header].",
 )
 units_option = click.option(
     "--units",

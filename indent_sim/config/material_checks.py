@@ -153,7 +153,10 @@ def _flow_law_errors(key: str, material: Material) -> Iterator[ConfigError]:
 
 
 def plasticity_errors(config: SceneSections) -> Iterator[ConfigError]:
-    """Yield errors in the plasticity of the materials, and keys that exclude it."""
+    """Yield a ConfigError for each error in the plasticity of the materials.
+
+    Keys that cannot be combined with plasticity are errors, too.
+    """
     laws = {f"{key}.plasticity": law for key, law in config.materials() if law.plasticity}
     for key, law in laws.items():
         yield from _hardening_errors(key, law)
@@ -188,7 +191,7 @@ def plasticity_errors(config: SceneSections) -> Iterator[ConfigError]:
 
 
 def _hardening_errors(key: str, law: Material) -> Iterator[ConfigError]:
-    """Yield errors in the plasticity of one material."""
+    """Yield a ConfigError for each error in the plasticity of one material."""
     plasticity = law.plasticity
     assert plasticity
     given = plasticity.hardening_laws

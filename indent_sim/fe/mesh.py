@@ -127,7 +127,8 @@ def _curved_geometry(grid: Grid, part: ModelDomain) -> tuple[np.ndarray, np.ndar
     is_on_sphere = _match_facets(
         ends, np.concatenate([grid.surfaces[name] for name in sorted(arcs)])
     )
-    # The base of a cap on a flat has a flat side and an arc.
+    # The contact surface of a cap that rests on a flat consists of its flat base and of an arc of
+    # the sphere beside it.
     radii = np.hypot(grid.points[:, 0], grid.points[:, 1] + part.top_radius)
     is_off_sphere = np.abs(radii - part.top_radius) > SPHERE_TOLERANCE * part.top_radius
     is_on_sphere &= ~is_off_sphere[ends].any(axis=1)

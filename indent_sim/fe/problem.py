@@ -156,7 +156,10 @@ class Problem:
             term.set_continuation_factor(factor)
 
     def limit_curvature(self, *, is_limited: bool) -> None:
-        """Limit the pressure times the tip's curvature in the tangent, far from equilibrium."""
+        """Switch the limit of the pressure in the tangent's curvature term on or off.
+
+        It is needed far from equilibrium, see `terms.contact.traction.Traction.tangent`.
+        """
         for term in self.terms:
             term.limit_curvature(is_limited=is_limited)
 

@@ -135,7 +135,7 @@ def fit_map(
 
 @dataclass(frozen=True)
 class _Passes:
-    """Passes over the blocks of a map; each finished block is written to disk."""
+    """Fits of all blocks of curves of a map, once per stage; each finished block is written."""
 
     fitter: MapFitter
     progress: MapProgress

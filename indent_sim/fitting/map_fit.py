@@ -582,8 +582,8 @@ def _fit_depth_range(
 ) -> DepthRangeFits:
     """Fit the samples up to a fraction of the depth.
 
-    The difference of two fits is linear in the noise; its variance is that of D_part - D, with
-    zeros outside the part.
+    The difference of the two estimates is D_part - D (see the module) times the noise, which gives
+    its variance. D_part is zero outside the part.
     """
     x = model.samples.x
     b, n = x.shape

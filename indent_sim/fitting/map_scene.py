@@ -165,7 +165,8 @@ def _check_model(forward_model: ForwardModel, request: FitRequest) -> None:
     if not forward_model.is_batchable or forward_model.scale_index is None:
         raise ConfigError(
             request.varied_keys[0],
-            "a map varies the modulus of an elastic body with a single modulus, without adhesion",
+            "cannot be fitted to a map, which needs the modulus of an elastic body that has a "
+            "single modulus and no adhesion",
             "fit curve by curve with --no-map",
         )
 

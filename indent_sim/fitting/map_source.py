@@ -137,7 +137,10 @@ def find_map(source: MapSource, request: FitRequest, choice: bool | None) -> Mea
 
 
 def _read_map(source: MapSource, request: FitRequest, choice: bool | None) -> MeasuredMap | None:
-    """Return the map of the files, or None if they are none."""
+    """Return the map in the files; None if they contain no map.
+
+    With `choice`, the option --map, an unreadable file raises NoCurve, and a map may have any size.
+    """
     reading = source.reading
     if source.grid is not None:
         files = [file for path in source.paths for file in curve_files(path)]

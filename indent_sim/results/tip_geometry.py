@@ -9,9 +9,11 @@ import numpy as np
 from indent_sim.model.tilted_tip import TiltedTip
 from indent_sim.model.tips import Indenter, RegularPyramid, Sphere, max_radius
 
-# The section of a tilted tip is drawn to this multiple of the width, so that it fills it turned,
+# Half-width of the section of a tilted tip, in multiples of that of the picture: the section,
+# turned by the tilt, fills the picture.
 DRAWN_WIDTH = 1.6
-# and to this height in multiples of the width, above which a plane across the tilt misses the tip.
+# Height of this section in multiples of the width. Above it a vertical plane across the tilt misses
+# the tip.
 DRAWN_HEIGHT = 1e3
 SectionCurve = tuple[np.ndarray, np.ndarray]  # Distance from the axis s, and height z [length].
 

@@ -352,7 +352,11 @@ def _depth_of(curve: MeasuredCurve, path: Path) -> np.ndarray:
 
 
 def _simulated_curve(path: Path, options: HardnessOptions) -> _TestCurve:
-    """Read the curve of a result; raise UsageError if it has no area or two contacts."""
+    """Read the curve of a result.
+
+    Raises UsageError for a result in plane strain, whose contact has no area, with two contacts or
+    with incomplete rows, and if the options give columns or units.
+    """
     if options.columns or options.units:
         raise UsageError("--columns and --units are for text files, and a result has both")
     results = read(path)

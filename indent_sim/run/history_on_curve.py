@@ -195,7 +195,7 @@ class _HistoryEvaluation:
 
     @cached_property
     def punches(self) -> Punches:
-        """The flat punches under the tip."""
+        """Flat punches of every contact radius on the body, from which the contact follows."""
         return punches_of(self.scene, self._equilibrium)
 
     @cached_property

@@ -372,7 +372,7 @@ class SingleRun:
         self.run_output.add_entries(time=self.scene.plan.time.report | counts)
 
     def write_experiment(self) -> None:
-        """Evaluate the simulated experiment on the elastic curve and write its results."""
+        """Evaluate the experiment or history on the elastic curve, and write its results."""
         if not self.scene.uses_elastic_curve:
             return
         # Imported here since it loads scipy.optimize, which other scenes do not need.

@@ -23,8 +23,8 @@ from indent_sim.scene.measured_constants import (
 )
 from indent_sim.scene.mesh_counts import candidate_count, mesh_counts
 
-# Largest number of candidate nodes of a condensed body; with more nodes its dense
-# matrices would need gigabytes.
+# Largest number of nodes that may come into contact for which a body is condensed; with more nodes
+# its dense matrices would need gigabytes.
 MAX_CANDIDATES = 5000
 # Memory of the dense matrices of a condensed body per pair of candidates [bytes]: eight matrices.
 DENSE_BYTES = 64.0

@@ -93,7 +93,8 @@ def _inverse_size_integrals(sizes: Sizes, domain: ModelDomain) -> tuple[float, f
     surface = sum((weight / sizes.size_at(r, np.array(z)) ** 2).sum() for z in levels)
     if sizes.track is not None:
         # The body is divided at the axis, and a prism as long as the track is added
-        across, w_across = (y, wy) if sizes.track.axis == 0 else (x, wx)
+        across = y if sizes.track.axis == 0 else x
+        w_across = wy if sizes.track.axis == 0 else wx
         distance = np.abs(across - sizes.axis[1 - sizes.track.axis])
         section = sizes.size_at(distance[:, None], depth[None, :])
         volume += sizes.track.length * (w_across[:, None] * wz[None, :] / section**3).sum()

@@ -74,10 +74,10 @@ class PathRow:
 
 
 def path_rows(path: LoadPath) -> list[PathRow]:
-    """Return the rows of a path in time, each with the last 30 changes before it.
+    """Return the rows of a path in time, each with the last 30 changes of the load before it.
 
-    A jump at the time of a row is not among its changes, because no fluid has drained since.
-    Without positive values there are no rows, because no pore pressure arises.
+    A jump at the time of a row is not included, because no fluid has drained since. A path without
+    a positive depth or force has no rows, because no pore pressure arises.
     """
     largest = max(path.values)
     if largest <= 0:

@@ -195,7 +195,7 @@ def set_up_problem(config: Config, imported_mesh: ImportedMesh | None = None) ->
     config : Config
         The validated scene file.
     imported_mesh : ImportedMesh, optional
-        The mesh from the config's mesh file, if it has been read already.
+        Mesh of the body, if it has already been read from the scene's mesh file.
 
     Returns
     -------

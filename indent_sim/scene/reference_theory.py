@@ -202,7 +202,7 @@ def _spherical_body_theory(
     """
     is_cap = body.shape == "cap"
     shape = theory_tip_shape(tip)
-    # The flat base of a cap stays in contact with a flat nearly everywhere.
+    # The flat base of a cap that rests on a flat stays in contact nearly everywhere.
     base = "roller" if body.rests_on_flat else body.base
     stack = stack_of(layers, base if is_cap else None)
     if shape is None or stack is None:

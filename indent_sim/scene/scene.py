@@ -324,7 +324,7 @@ def resolve(
         Number of elements in every contact radius, for a config with `accuracy`; by default the
         number that is expected to reach this accuracy.
     piece : ImportedMesh, optional
-        The mesh from the config's mesh file, if it has been read already.
+        Mesh of the body, if it has already been read from the scene's mesh file.
 
     Returns
     -------

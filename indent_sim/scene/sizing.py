@@ -288,13 +288,14 @@ def _default_sizes(
     # three dimensions a ratio of 20 would cost too much.
     edge_ratio = {2: 20.0, 3: 4.0}[dim] * (edge_refinement if dim == 2 else 1.0)
     tip = physics.indenter
-    axis, elongation, edge_tilt = physics.center, 1.0, None
+    axis = physics.center
+    elongation = 1.0
+    edge_tilt = None
     if isinstance(tip, TiltedTip):
         axis, elongation = _tilted_contact(setup, tip)
         edge_tilt = (tip.tilt, tip.towards) if edge is not None and dim == 3 else None
     # The contact of the last row, which is small after unloading, gets as many elements as the
-    # largest one, by smaller elements at the axis.
-    # Under a tilted tip it is not at the axis of the sizes.
+    # largest one, by smaller elements at the axis. Under a tilted tip it is not at this axis.
     is_at_axis = edge is None and axis == physics.center
     last_radius = setup.expected_radius(last_depth) if last_depth > 0 and is_at_axis else a
     last_radius_ratio = last_radius / a

@@ -27,7 +27,10 @@ def check_slide(setup: ProblemSetup) -> None:
             "let the tip slide along this wall, or choose a position of the tip away from it",
         )
     wall = physics.domain.wall_radius
-    low, high = (-wall, wall) if wall else physics.domain.extent[track.axis]
+    low, high = physics.domain.extent[track.axis]
+    if wall:
+        low = -wall
+        high = wall
     c = track.center[track.axis]
     across = abs(track.center[1 - track.axis]) if wall else 0.0
     room = min(c + track.low - low, high - c - track.high) - across

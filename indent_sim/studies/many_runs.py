@@ -58,7 +58,7 @@ class ManyRuns:
 
     @property
     def varying_keys(self) -> list[str]:
-        """Keys with more than one value, by descending rank correlation with the result."""
+        """Varied keys in the order of their rank correlation with the result, the largest first."""
         varying = [key for key, values in self.keys.items() if np.ptp(values) > 0]
         return sorted(varying, key=self._rank_correlation, reverse=True)[:MAX_KEYS]
 

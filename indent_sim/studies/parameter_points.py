@@ -64,7 +64,7 @@ def grid_points(block: ParameterBlock) -> Iterator[ParameterPoint]:
 def read_block(
     part: Mapping[str, Any], keys: KeyPath, source: Source, sample: Sample | None = None
 ) -> ParameterBlock:
-    """Read the grid of one section of `vary`.
+    """Read the grid and the sampled ranges of one section of `vary`.
 
     Parameters
     ----------
@@ -73,7 +73,8 @@ def read_block(
     keys, source
         Place of the section in the document, and file and line of each key, for error messages.
     sample
-        The sample of the study without its ranges, which are those of this section; None for grids.
+        The sample of the study, to which the ranges of this section are added; None if the study is
+        not sampled.
     """
     ranges = (
         {

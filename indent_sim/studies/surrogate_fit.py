@@ -311,7 +311,10 @@ def _held_out(count: int) -> np.ndarray:
 
 
 def _fit(points: np.ndarray, target: np.ndarray) -> ChebyshevSum:
-    """Fit a polynomial, with the degrees of the smallest leave-one-out error."""
+    """Fit a polynomial to the results of the points.
+
+    Its degrees are raised step by step as long as this reduces the leave-one-out error by 2 %.
+    """
     # Number of rows for each term of the polynomial.
     rows_per_term = 3
     max_terms = min(MAX_TERMS, len(points) // rows_per_term)

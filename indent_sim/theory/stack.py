@@ -228,9 +228,9 @@ def _compliance_by_reflection(
 
 
 def _wave_matrix(nu: float) -> np.ndarray:
-    """Return the columns x1, x2, y1, y2 of the waves in a layer.
+    """Return the generalised eigenvectors x1, x2, y1, y2 of A (see the module) as columns.
 
-    x1 e^-s and (x2 + s x1) e^-s decay downwards, y1 e^s and (y2 - s y1) e^s upwards.
+    The waves x1 e^-s and (x2 + s x1) e^-s decay downwards, y1 e^s and (y2 - s y1) e^s upwards.
     """
     x1 = np.array([1.0, 1.0, -2.0, -2.0])
     x2 = np.array([0.0, 3.0 - 4.0 * nu, 4.0 * nu - 2.0, 4.0 * nu - 4.0])

@@ -109,7 +109,8 @@ def test_the_way_back_is_the_first_stretch_doubled() -> None:
     The first stretch is interpolated between its rows, whose curvature is 1 % of mu P.
     """
     _, states = loop_rows()
-    first, back = states[2:15], states[14:27]
+    first = states[2:15]
+    back = states[14:27]
     x = [slide_of(row) for row in first]
     Q = [row.side_force_x or 0.0 for row in first]
     for row in back:

@@ -35,7 +35,8 @@ def test_a_tilted_wedge(tilt: float, towards: int) -> None:
     state = solve(
         scene(STRIP, indenter=tip, loading={"delta": 0.05, "steps": 1}, mesh={"h_contact": 0.01})
     )[-1]
-    steep, flat = 1 / tan(radians(85 - tilt)), 1 / tan(radians(85 + tilt))
+    steep = 1 / tan(radians(85 - tilt))
+    flat = 1 / tan(radians(85 + tilt))
     angle = pi * steep / (steep + flat)
     half_width = 2 * state.force / (E_STAR * (steep + flat) * sin(angle))
     middle = -half_width * cos(angle)
@@ -71,7 +72,8 @@ def test_the_moment_is_within_its_error_estimate(tilt: float, tmp_path: Path) ->
     sections = {"body": STRIP, "material": ELASTIC, "indenter": tip}
     config = config_from_mapping(sections | {"loading": {"delta": 0.01, "steps": 2}}, ())
     outcome = simulate(config, directory=tmp_path / "out", error_bars=True)
-    steep, flat = 1 / tan(radians(85 - tilt)), 1 / tan(radians(85 + tilt))
+    steep = 1 / tan(radians(85 - tilt))
+    flat = 1 / tan(radians(85 + tilt))
     angle = pi * steep / (steep + flat)
     for state in outcome.states:
         half_width = 2 * state.force / (E_STAR * (steep + flat) * sin(angle))
@@ -126,7 +128,8 @@ def test_a_tilted_cone(tilt: float, ratio: float) -> None:
 
     The box adds up to 4 % more to the wider contact of the largest tilt than to the upright one.
     """
-    upright, tilted = cone_force(0.0), cone_force(tilt)
+    upright = cone_force(0.0)
+    tilted = cone_force(tilt)
     print(tilt, tilted.force / upright.force, tilted.x_contact)
     box = {5.0: 0.01, 10.0: 0.02, 15.0: 0.05}[tilt]
     assert tilted.force / upright.force == pytest.approx(ratio, rel=box)

@@ -358,8 +358,8 @@ class CondensedContact:
             if all(map(solve, factors)):
                 return True
         self.failure = (
-            f"no equilibrium was found within {MAX_CONTACT_ITERATIONS} iterations, or the active "
-            "sets of the contact recur"
+            f"the set of nodes in contact did not settle within {MAX_CONTACT_ITERATIONS} "
+            "iterations, or it recurred"
         )
         return False
 

@@ -379,7 +379,10 @@ class CondensedFriction:
     def _present_trial(
         self, rule: QuadratureRule, points: np.ndarray | None = None
     ) -> TrialTraction:
-        """Evaluate the trial tractions of the present forces at the points of a quadrature rule."""
+        """Evaluate the trial tractions for the present nodal forces at quadrature points.
+
+        See `_evaluate_trial` for the parameters.
+        """
         u = self._nodal_displacements()
         lam = self._contact.lam[self._contact.candidates]
         trial_pressure = lam - self._law.stiffness * u[0]

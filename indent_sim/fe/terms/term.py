@@ -121,7 +121,7 @@ class Term:
         """
 
     def limit_curvature(self, *, is_limited: bool) -> None:
-        """Limit the pressure times the tip's curvature in the tangent, far from equilibrium.
+        """Switch the limit of the pressure in the tangent's curvature term on or off.
 
         Terms without a contact multiplier ignore it.
         """

@@ -265,8 +265,8 @@ def _pack_coefficients(load_curve: ElasticLoadCurve) -> np.ndarray:
 def plan_elastic_run(config: Config, max_depth: float) -> PlannedRun:
     """Return the planned run of the scene without experiment, with drained elastic material.
 
-    If the solver needs a load path, it consists of the depths of a load curve.
-    Raises ConfigError if the scene is not valid.
+    If the solver needs a load path, the path consists of the depths max_depth s^2 with s in
+    DEPTH_ROOTS. Raises ConfigError if the scene is not valid or has adhesion with a range.
     """
     if config.contact.adhesion:
         raise ConfigError(

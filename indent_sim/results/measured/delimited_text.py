@@ -64,7 +64,7 @@ def decode(data: bytes) -> str:
 def read_rows(
     text: str, layout: TextLayout, columns: Sequence[int], word_column: int | None
 ) -> TextRows:
-    """Return the rows of a table; NoCurve names an invalid line."""
+    """Return the rows of a table; raise NoCurve with the number of a line that is invalid."""
     reader = _RowReader(text, layout, columns)
     blocks = [reader.parse(number, block) for number, block in _line_blocks(text, layout)]
     numbers = np.concatenate([np.empty((0, len(columns))), *blocks])

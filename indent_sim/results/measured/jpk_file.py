@@ -356,7 +356,10 @@ class JpkFile:
 
 
 def _first_segment(name: str) -> re.Match[str] | None:
-    """Return the match of a member that is the header of the first segment of a curve."""
+    """Return the match of a member's name if it is the header of a curve's first segment.
+
+    None for any other member.
+    """
     return FIRST_SEGMENT.fullmatch(name) if name.endswith("t-header.properties") else None
 
 

@@ -214,7 +214,8 @@ class NanoscopeFile:
         counts = {_count(word) for word in text.split()}
         if len(counts) != 1 or not (points := counts.pop()):
             raise self._no_curve(
-                f"'{text}': approach and retraction must have the same number of points"
+                f"Samps/line is '{text}', but approach and retraction must have the same number of "
+                "points, above 0"
             )
         return points
 

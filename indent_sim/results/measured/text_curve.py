@@ -288,9 +288,8 @@ class _Quantities:
         assert calibration.sensitivity is not None
         if kind != calibration.signal:
             raise Uncalibrated(
-                f"{self._name(column)} is in {unit}, and the sensitivity belongs to another "
-                "signal: "
-                f"{SENSITIVITY_KEY.format(unit=unit)}",
+                f"{self._name(column)} is in {unit}, but the given sensitivity is that of another "
+                f"signal: give one per {unit}, as in {SENSITIVITY_KEY.format(unit=unit)}",
                 self._file,
             )
         # Currents of detectors are usually given in nanoamperes.
@@ -467,8 +466,8 @@ def _parts_by_words(words: np.ndarray) -> tuple[dict[str, slice], list[str]]:
     except NoCurve:
         return {}, [
             f"the column of segments has {len(distinct)} values such as "
-            f"'{printable(str(words[0]))[:20]}', which name no parts: approach and retraction are "
-            "told by the turning point"
+            f"'{printable(str(words[0]))[:20]}', none of which names a part such as the approach: "
+            "the curve is divided at its turning point"
         ]
     changes = int(np.count_nonzero(words[1:] != words[:-1]))
     notes = []

@@ -558,7 +558,7 @@ def _draw_shear(axes: Axes, contact: ContactSurface, length: Axis) -> None:
         contact.stick_radius * np.array([np.cos(angle), np.sin(angle)]) + contact.center[:, None]
     )
     axes.plot(*map(length, stick_circle), color="black", lw=1.4, ls=":")
-    # Labels that may be outside of the body get the darkest colour of the map as their background.
+    # Labels may lie outside of the body: their background is the darkest colour of the colour map.
     background = "#00224e"
     look: PlotStyle = {
         "color": "white",

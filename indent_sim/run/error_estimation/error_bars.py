@@ -563,12 +563,12 @@ class ErrorBars:
         )
 
     def _long_step_error(self, state: State, name: str) -> float:
-        """Return the error of stick radius or dissipation due to a long increment, else 0.
+        """Return the error of the stick radius or the dissipation due to a long increment.
 
-        Halving the increment may not show this error. The relative error of the dissipation (per
-        area) is the square of the relative change of the contact radius in the increment; that of
-        the stick radius is at least this change. In an increment from no contact the relative
-        change is 1.
+        It is 0 for other results. Halving the increment may not show it. With the relative change c
+        of the contact radius in the increment, which is 1 from no contact, the relative error of
+        the dissipation is c^2. That of the stick radius is the larger one of c and its own relative
+        change; for a stick zone narrower than an element `_unresolved_stick` is added.
         """
         previous = self._run_states.get(state.step - 1)
         value = getattr(state, name)

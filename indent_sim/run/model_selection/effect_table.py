@@ -324,7 +324,8 @@ def _jkr_source(v: SceneVariants) -> str:
     pull_off = report["pull_off"]["force_control"]["force"]
     tabor = f", Tabor number {report['tabor']:.2g}" if "tabor" in report else ""
     return (
-        f"the JKR limit, pull-off at {pull_off / v.scene_force:.2g} of the force without adhesion"
+        f"the JKR limit, with a pull-off force of {pull_off / v.scene_force:.2g} times the force "
+        "without adhesion"
         f"{tabor}{v.stand_in_text}"
     )
 

@@ -1,9 +1,9 @@
-"""Effects that a model may neglect, in per cent of the force, and the cases that find them.
+"""Effects that a model may neglect, in per cent of the force, and the cases that evaluate them.
 
-An effect is 100 (F_with/F_without - 1), with the forces F at the deepest row and at the same depth.
+An effect is 100 (F_with/F_without - 1). Both forces F are those at the depth of the deepest row.
 Both are solutions of scenes: by theory if it is exact for both, otherwise on the same mesh, whose
-discretisation error largely cancels. If the scene does not have the effect, its parameter is varied
-up to the threshold at which the effect exceeds the tolerance.
+discretisation error largely cancels. If the scene does not have the effect, the parameter
+of the effect is increased up to the threshold at which the effect exceeds the tolerance.
 
 A table of effects has one entry per effect, with its cases in the order of preference. A case
 states the scenes to which it applies, what is compared, and a description. `find_effect` evaluates

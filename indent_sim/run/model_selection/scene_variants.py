@@ -105,7 +105,9 @@ class SceneVariants:
         self.has_cylinder_stand_in = isinstance(config.body, Box) or is_off_axis
         tip: Any = config.indenter
         self.tip_name = tip.shape.replace("_", " ")
-        stand_ins = ["a cylinder up to the nearest side"] if self.has_cylinder_stand_in else []
+        stand_ins = (
+            ["a cylinder that ends at the nearest side"] if self.has_cylinder_stand_in else []
+        )
         if isinstance(tip, RegularPyramid):
             stand_ins.append("a cone of equal cross-sections")
             half_angle = degrees(atan(tip.equivalent_radius_ratio * tan(radians(tip.half_angle))))

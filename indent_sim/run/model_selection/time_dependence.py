@@ -158,9 +158,9 @@ class TransientVariants(SceneVariants):
 
     @property
     def relaxation_range(self) -> tuple[float, float, float]:
-        """Return bounds and value of the change of the force relative to the unrelaxed body.
+        """Return (low, high, value) of F/F_unrelaxed - 1; the bounds are 0 and the relaxed body's.
 
-        If the body also drains, the drained body is compared.
+        If the body also drains, all forces are those of the drained body.
         """
         drained = ("drained",) if self.physics.permeable_regions else ()
         return _range_of_limits(

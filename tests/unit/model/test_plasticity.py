@@ -50,7 +50,9 @@ def test_below_the_yield_stress_nothing_flows(law: Plasticity) -> None:
 
 @each_law
 def test_modulus_and_work_are_derivative_and_integral_of_the_stress(law: Plasticity) -> None:
-    alpha, E, step = 0.03, 100.0, 1e-6
+    alpha = 0.03
+    E = 100.0
+    step = 1e-6
     difference = (law.flow_stress(alpha + step, E) - law.flow_stress(alpha - step, E)) / (2 * step)
     assert law.hardening_modulus(alpha, E) == pytest.approx(difference, rel=1e-7, abs=1e-9)
     work, _ = quad(lambda strain: float(law.flow_stress(strain, E)), 0.0, alpha, epsabs=1e-13)

@@ -68,8 +68,8 @@ def test_the_lowest_point_is_at_height_zero(tip: Any, tilt: float) -> None:
     leaning = tilted(tip, tilt, 90.0)
     place = 0.0
     if isinstance(tip, FlatPunch):
-        c, d = cos(radians(tilt)), np.sin(radians(tilt))
-        place = (tip.radius - tip.edge_radius) * c + tip.edge_radius * d
+        flat_part = (tip.radius - tip.edge_radius) * cos(radians(tilt))
+        place = flat_part + tip.edge_radius * np.sin(radians(tilt))
     assert leaning.height(np.zeros(1), np.array([place])) == pytest.approx(0.0, abs=1e-12)
     around = leaning.height(np.array([0.01, -0.01, 0.0]), place + np.array([0.0, 0.0, -0.01]))
     assert (around > 0).all()

@@ -255,7 +255,7 @@ def test_a_phase_is_no_segment():
     rows = "".join(f"{line}\t{k / 7:.3f}\n" for k, line in enumerate(BARE.splitlines()))
     curve = read("z (um)\tForce (nN)\tPhase\n" + rows)
     assert curve.parts == {"approach": slice(0, 100)}
-    assert any("name no parts" in note for note in curve.notes)
+    assert any("names a part" in note for note in curve.notes)
     assert not read("z (um)\tForce (nN)\tPhase (deg)\n" + rows).notes
 
 

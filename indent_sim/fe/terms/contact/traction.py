@@ -145,9 +145,9 @@ class Traction(Term):
         return float(fem.assemble_scalar(self._force_form))
 
     def side_force(self, axis: int) -> float:
-        """Horizontal force of the pressure on the tip [force], this rank's part.
+        """Horizontal force on the tip along an axis, due to the pressure [force], this rank's part.
 
-        Of a sliding tip it is -dPi/dx; 0 if the term of friction has this part.
+        If the tip slides it is -dPi/dx. It is 0 if `Friction` includes it.
         """
         if not self._side_force_forms:
             return super().side_force(axis)
