@@ -175,13 +175,17 @@ def plasticity_errors(config: SceneSections) -> Iterator[ConfigError]:
             "is a load path in time, but yield does not depend on time",
             "give deltas or forces",
         )
-    if config.indenter.lens:
-        problem = "a soft tip needs a linear body, but this one yields"
-        yield ConfigError("indenter.material", problem, f"leave it or {key} out")
     if config.contact.may_snap_through or (config.experiment and config.experiment.adhesion):
         section = "contact" if config.contact.may_snap_through else "experiment"
         problem = "is not verified together with yield"
         yield ConfigError(f"{section}.adhesion", problem, f"leave it or {key} out")
+    elif config.experiment:
+        problem = "is simulated with the load curve of a linear body, but this one yields"
+        remedy = "leave it out; for a compliant frame use hardness --frame-compliance"
+        yield ConfigError("experiment", problem, remedy)
+    if config.accuracy is not None:
+        problem = "refines the mesh only, and not the load increments of a body that yields"
+        yield ConfigError("accuracy", problem, "leave it out; --error-bars estimates the errors")
     if isinstance(config.contact, Nitsche):
         problem = "nitsche uses the stress of the body, which yields"
         yield ConfigError("contact.method", problem, "use augmented_lagrangian")

@@ -81,7 +81,7 @@ def _obstacles(config: SceneSections) -> Iterator[tuple[bool, str, str]]:
         "leave loading.slide out",
     )
     yield (
-        any(getattr(material, "plasticity", None) for _, material in config.materials()),
+        any(material.plasticity for _, material in config.materials()),
         "is not verified together with plasticity: a groove that the tip ploughs",
         "leave plasticity or loading.slide out",
     )

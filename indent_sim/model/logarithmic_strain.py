@@ -32,8 +32,9 @@ ARTANH_SQUARE_SERIES = (
     88069 / 315315,
 )
 # Largest dev C : dev C/6 at which the series is used, which is |e| < 0.1. There it is accurate to
-# 1e-12. The formula in the stretches is accurate to 1e-10 everywhere, and not better, because
-# `unimodular_stretches` keeps a root away from zero.
+# 1e-12. The formula in the stretches is accurate to 1e-10 up to |e| = 2 and to 1e-9 at 3, and not
+# better, because `unimodular_stretches` keeps a root away from zero. Checked by:
+# tests/unit/model/test_plasticity.py.
 SERIES_LIMIT = 0.015
 
 

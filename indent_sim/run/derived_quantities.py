@@ -75,8 +75,13 @@ class DerivedQuantities:
         return (self._equilibrium.statistics.krylov or 0) if self._equilibrium else 0
 
     def _hertz_modulus(self, state: State) -> float:
-        """Return the modulus with which the half-space formula gives the force of the state."""
+        """Return the modulus with which the half-space formula gives the force of the state.
+
+        NaN for a body that yields, to which the formula does not apply, and without a force.
+        """
         physics = self.scene.physics
+        if physics.yields:
+            return nan
         # The force of the state is round-off if a force of zero is prescribed.
         if physics.path.control == "force" and physics.path.values[state.step - 1] == 0:
             return nan

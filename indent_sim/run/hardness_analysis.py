@@ -14,13 +14,13 @@ from indent_sim.config.quantities import convert_quantity, si_factor
 from indent_sim.config.schema import Config
 from indent_sim.model.gel import Gel
 from indent_sim.model.tips import Berkovich, Vickers
+from indent_sim.model.work import Work
 from indent_sim.process.errors import ConfigError, UsageError
 from indent_sim.results.csv_table import header_of
 from indent_sim.results.measured.curve_file import read_curves
 from indent_sim.results.measured.indentation_cycle import (
     MAX_LAST_FORCE,
     IndentationCycle,
-    Work,
     indentation_cycle,
 )
 from indent_sim.results.measured.measurement import MeasuredCurve

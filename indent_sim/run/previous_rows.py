@@ -8,6 +8,7 @@ from math import inf, isfinite
 import numpy as np
 
 from indent_sim.model.state import State
+from indent_sim.model.work import work_of_rows
 
 RowForce = tuple[float, float, float]  # depth, force and half-width of its error bar
 
@@ -79,22 +80,17 @@ class PreviousRows:
     def work_to(self, state: State) -> tuple[float, float]:
         """Return the work of the tip from first contact to the next row, and its error.
 
-        The work is the integral of the force over the rows by trapezoids [energy]. The error is
-        estimated by leaving out every second row, with a factor of safety of 3; it is infinite for
-        the first four rows.
+        The work is the integral of the force over the rows by trapezoids [energy]. The error has a
+        factor of safety of 3; it is infinite for the first four rows.
         """
         if self._count < 4:
             return 0.0, inf
-        depths, forces = (
-            np.concatenate([[0.0], self._columns[k, : self._count], [value]])
-            for k, value in ((0, state.delta), (1, state.force))
+        delta, force = self._columns[:2, : self._count]
+        work = work_of_rows(
+            np.array([0.0, *delta, state.delta]), np.array([0.0, *force, state.force])
         )
-        kept = np.unique([*range(len(depths) - 1, -1, -2), 0])
-        fine, coarse = (
-            float(np.sum(np.diff(x) * (F[1:] + F[:-1]) / 2))
-            for x, F in ((depths, forces), (depths[kept], forces[kept]))
-        )
-        return fine, abs(fine - coarse)
+        safety = 3.0
+        return work.value, safety * work.error
 
     def _row_at_maximum(self, value: np.ndarray, where: np.ndarray) -> RowForce | None:
         """Return the row with the largest value among the selected rows, or None."""

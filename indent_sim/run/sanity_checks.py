@@ -100,7 +100,7 @@ def _applicable_rules(
     excluded = {
         *(REPULSIVE_RULES if may_snap_through else ()),
         *(ELASTIC_RULES if is_time_dependent else ()),
-        *(RULES_WITHOUT_YIELD if yields else PLASTIC_RULES),
+        *(RULES_BROKEN_BY_YIELD if yields else ()),
     }
     return tuple(
         rule
@@ -402,12 +402,11 @@ ELASTIC_RULES: Rules = (
     _check_against_theory,
 )
 
-# Rules that a body which yields breaks, and those for such bodies alone.
-RULES_WITHOUT_YIELD: Rules = (
+# Rules that do not hold for a body that yields.
+RULES_BROKEN_BY_YIELD: Rules = (
     _check_energy,
     _check_against_theory,
 )
-PLASTIC_RULES: Rules = (_check_plastic_work,)
 
 
 def _may_be_in_imprint(scene: Scene, state: State, earlier: PreviousRows) -> bool:

@@ -9,6 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from indent_sim.model.state import State
+from indent_sim.model.work import path_integral
 
 
 def energy_balance(states: list[State], side_force: str = "") -> float | None:
@@ -37,9 +38,7 @@ def energy_balance(states: list[State], side_force: str = "") -> float | None:
         return None
     delta = np.array([0.0, *(state.delta for state in states)])
     force = np.array([0.0, *(state.force for state in states)])
-    work = float(np.sum(np.diff(delta) * (force[1:] + force[:-1]) / 2)) + slide_work(
-        states, side_force
-    )
+    work = path_integral(delta, force) + slide_work(states, side_force)
     return work / stored_and_dissipated - 1
 
 
@@ -57,7 +56,7 @@ def slide_work(states: Sequence[State], side_force: str) -> float:
         return 0.0
     slide = np.array([state.x for state in states])
     force = np.array([getattr(state, side_force) or 0.0 for state in states])
-    return float(-np.sum(np.diff(slide) * (force[1:] + force[:-1]) / 2))
+    return -path_integral(slide, force)
 
 
 @dataclasses.dataclass(frozen=True)

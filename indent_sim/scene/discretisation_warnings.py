@@ -22,6 +22,7 @@ from indent_sim.scene.expected_error import (
 from indent_sim.scene.measured_constants import (
     EQUILIBRIA_DIFFERENCE,
     MAX_SLIPPING_FRICTION,
+    MAX_YIELD_INCREMENT_ERROR,
     RADIUS_ERROR,
     TENSION_PRESSURE_LIMIT,
     YIELD_INCREMENT_ERROR,
@@ -121,13 +122,16 @@ def _contact_law_warnings(
 
 def _yield_warnings(setup: ProblemSetup) -> Iterator[ModelWarning]:
     """Yield a warning on the error due to long increments of a body that yields."""
+    # The stress below a plate is uniform, and its increments are exact.
+    if not setup.physics.yields or setup.physics.is_compressed:
+        return
     deltas = setup.physics.deltas
-    longest = max(after - before for before, after in pairwise((0.0, *deltas)))
-    error = YIELD_INCREMENT_ERROR * longest / setup.max_depth
-    if setup.physics.yields and error >= NEGLIGIBLE_ERROR:
+    longest = max(after - before for before, after in pairwise((0.0, *deltas))) / setup.max_depth
+    error = min(YIELD_INCREMENT_ERROR * longest, MAX_YIELD_INCREMENT_ERROR)
+    if error >= NEGLIGIBLE_ERROR:
         message = (
-            f"yield: with increments of {longest / setup.max_depth:.2g} of the depth the force is "
-            f"up to about {100 * error:.2g} % too low; shorter increments reduce this in "
+            f"yield: where the body yields, increments of {longest:.2g} of the depth make the "
+            f"force up to about {100 * error:.2g} % too low; shorter increments reduce this in "
             "proportion, and --error-bars computes it"
         )
         yield ModelWarning("increments", message)

@@ -221,3 +221,7 @@ TIME_DEPENDENT_STEP_FACTOR = 1.6
 # 0.68 at E/sigma_y = 100, 0.4 at 33, 0.3 with n = 0.5. Repeated by:
 # tests/physics/test_plasticity.py.
 YIELD_INCREMENT_ERROR = 0.7
+# Bound of this error [-] for a single increment, relative to its own force. Measured on the cone at
+# E/sigma_y = 100, 300 and 700, against increments extrapolated to zero: 0.15, 0.19 and 0.10.
+# Repeated by: tests/physics/test_plasticity.py.
+MAX_YIELD_INCREMENT_ERROR = 0.25

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from indent_sim.config.scene_file import config_from_mapping
+from indent_sim.fe.condensed import resting_body
 from indent_sim.model.state import State
 from indent_sim.process.errors import ConfigError
 from indent_sim.run.pipeline import simulate, states
@@ -81,6 +82,17 @@ class TestTwoContacts:
         assert row.force == pytest.approx(right.force, rel=5e-3)
         assert row.a_base == pytest.approx(right.a_base, rel=0.03)
         assert row.stiffness == pytest.approx(right.stiffness, rel=0.02)
+
+    @pytest.mark.parametrize("factor", [1.0, 100.0])
+    def test_the_spring_does_not_change_the_force(
+        self, factor: float, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        """The spring between body and flat is free of force once both forces agree, to 1e-10."""
+        usual = last_row(scene_of())
+        monkeypatch.setattr(resting_body, "SPRING_FACTOR", factor)
+        other = last_row(scene_of())
+        assert other.force == pytest.approx(usual.force, rel=1e-8)
+        assert other.a == pytest.approx(usual.a, rel=1e-6)
 
     def test_energy_is_the_work_and_the_forces_balance(self) -> None:
         """Simpson's rule on F ~ delta^1.5 of 16 rows is exact to 1e-4 of the work."""

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 from mpi4py import MPI
+from scenes import scene, solve
 
 from indent_sim.config.scene_file import load
 from indent_sim.fe.path.load_stepping import LoadStepper
@@ -26,7 +27,6 @@ from indent_sim.run.previous_rows import PreviousRows
 from indent_sim.run.sanity_checks import violated_bound
 from indent_sim.run.work_and_loops import energy_balance, slide_work
 from indent_sim.scene.scene import Scene
-from tests.scenes import scene, solve
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
 A = 0.018  # contact half-width over the radius of the tip

@@ -477,22 +477,22 @@ class CondensedContact:
         equilibrium. The change of the multiplier with the depth is included, also if Uzawa's
         iteration updates it.
         """
-        tip, from_tip = self._approach_response(self._tip_facets)
+        tip, from_tip = self._approach_response()
         if self.compliance.flat is None:
             return tip
         # The body moves so that the forces on tip and flat remain equal.
-        from_flat, base = self._approach_response(1 - self._tip_facets)
+        from_flat, base = self._approach_response(of_flat=True)
         imbalance = tip - from_tip
         balance = tip - from_tip - from_flat + base
         return tip - imbalance / balance * (tip - from_flat) if balance else 0.0
 
-    def _approach_response(self, facets: float | np.ndarray) -> tuple[float, float]:
-        """Return the derivatives of the forces on tip and flat for an approach of some facets.
+    def _approach_response(self, *, of_flat: bool = False) -> tuple[float, float]:
+        """Return the derivatives of the forces on tip and flat for an approach of one of them.
 
         Parameters
         ----------
-        facets
-            1 on the facets that are approached and 0 on the others, (facets, 1) or 1.
+        of_flat
+            True if the flat below approaches the body, False if the tip does.
         """
         if self.law.multiplier == "nodal":
             # The nodes in contact move down together, as under a flat punch
@@ -502,7 +502,7 @@ class CondensedContact:
                 return 0.0, 0.0
             under_tip = tip_areas[loaded]
             on_flat = areas[loaded] - under_tip
-            moved = under_tip if facets is self._tip_facets else on_flat
+            moved = on_flat if of_flat else under_tip
             p = np.linalg.solve(A[np.ix_(loaded, loaded)], moved)
             return float(under_tip @ p), float(on_flat @ p)
         N, W, height = self.quadrature
@@ -513,6 +513,7 @@ class CondensedContact:
         active = (D @ self.F)[self.nodes] @ N.T - epsilon_n * (height - self._approach) > 0
         if not active.any():
             return 0.0, 0.0
+        facets = 1 - self._tip_facets if of_flat else self._tip_facets
         load = self.assemble_vector((W * epsilon_n * active * facets) @ N)
         forces = self.newton_step(-load, active[None, None], D)
         tip = float(forces[self._tip_nodes].sum())

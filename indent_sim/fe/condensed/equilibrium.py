@@ -49,8 +49,8 @@ class ContactForces:
     nodal: np.ndarray
     lam: np.ndarray
     depth: float
-    slide: float = 0.0
-    motion: float = 0.0
+    slide: float
+    motion: float
 
 
 BodyCondenser = Condenser | SoftTipCondenser | RestingBodyCondenser
@@ -248,7 +248,9 @@ class CondensedEquilibrium(Equilibrium):
         lam = sum(weight * state.lam for weight, state in zip(weights, earlier, strict=True))
         motion = sum(weight * state.motion for weight, state in zip(weights, earlier, strict=True))
         self._set_trial_state(
-            ContactForces(np.asarray(nodal), np.asarray(lam), depth, motion=float(motion))
+            ContactForces(
+                np.asarray(nodal), np.asarray(lam), depth, earlier[-1].slide, float(motion)
+            )
         )
 
     def _predicted_trial_pressure(

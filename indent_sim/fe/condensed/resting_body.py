@@ -28,7 +28,7 @@ from indent_sim.model.tip_track import TipTrack
 
 # Compliance of the spring between body and flat, in multiples of that of the expected contacts.
 # With much softer springs the active sets of some contact methods recur, mainly for caps on a flat
-# base. Checked: tests/physics/test_resting_bodies.py.
+# base. The force does not depend on it: tests/physics/test_resting_bodies.py.
 SPRING_FACTOR = 10.0
 
 

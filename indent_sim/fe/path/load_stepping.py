@@ -450,7 +450,7 @@ class LoadStepper:
                 "wall_s": time.perf_counter() - self.started,
             }
             if path.slides:
-                values |= {"x": slide}
+                values["x"] = slide
             if path.times:
                 values |= {"t": path.times[step - 1], "branch": path.branches[step - 1]}
             yield State(step=step, delta=self._last_point.delta, surface=surface, **values)

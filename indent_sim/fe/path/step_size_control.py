@@ -58,7 +58,7 @@ class StepSizeControl:
         self._failures = 0  # without two successes in a row between them
         self._successes = 0  # consecutive, with the present step limit
         self._failed_iterations = 0  # since the last target was reached
-        self._most_failed_iterations = MAX_FAILED_ITERATIONS
+        self._max_failed_iterations = MAX_FAILED_ITERATIONS
 
     def begin_target(self, distance: float) -> None:
         """Begin the increments to a target at this distance."""
@@ -67,7 +67,7 @@ class StepSizeControl:
         self._failed_iterations = 0
         if self._slides_around_edge and isfinite(self.max_step):
             step_count = ceil(abs(distance) / self.max_step)
-            self._most_failed_iterations = (
+            self._max_failed_iterations = (
                 FAILED_ITERATIONS_PER_TARGET + FAILED_ITERATIONS_PER_STEP * step_count
             )
         self.step_limit = max(self.step_limit, self._smallest_step)
@@ -80,7 +80,7 @@ class StepSizeControl:
         """
         if (
             self._failures >= MAX_FAILURES
-            or self._failed_iterations >= self._most_failed_iterations
+            or self._failed_iterations >= self._max_failed_iterations
             or self.step_limit <= self._smallest_step / 2
         ):
             return None

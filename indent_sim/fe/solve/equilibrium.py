@@ -295,9 +295,11 @@ class BodyEquilibrium:
         arrays = [*(vector.array_r for vector in state.unknowns), *state.history]
         pairs = zip(arrays, self._numberings, strict=True)
         packed = [field.gather(values) for values, fields in pairs for field in fields]
+        if self._has_relaxation:
+            packed.append(np.array([state.modulus_ratio]))
         if self.scene.physics.slides:
-            return [*packed, np.array([state.slide])]
-        return [*packed, np.array([state.modulus_ratio])] if self._has_relaxation else packed
+            packed.append(np.array([state.slide]))
+        return packed
 
     def unpack(self, depth: float, arrays: Sequence[np.ndarray], t: float = 0.0) -> Snapshot | None:
         """Return the state stored in packed arrays, which all ranks must pass (collective).
@@ -308,15 +310,15 @@ class BodyEquilibrium:
         numbering = self._numberings
         shapes: list[tuple[int, ...]] = [field.shape for fields in numbering for field in fields]
         slides = self.scene.physics.slides
-        shapes += [(1,)] if self._has_relaxation or slides else []
+        shapes += [(1,)] * (self._has_relaxation + slides)
         if [np.shape(values) for values in arrays] != shapes:
             return None
-        if self._has_relaxation:
-            *arrays, modulus_ratio = arrays
-            state = replace(state, modulus_ratio=float(modulus_ratio[0]))
         if slides:
             *arrays, slide = arrays
             state = replace(state, slide=float(slide[0]))
+        if self._has_relaxation:
+            *arrays, modulus_ratio = arrays
+            state = replace(state, modulus_ratio=float(modulus_ratio[0]))
         remaining_arrays = iter(arrays)
         for values, fields in zip(
             [*(vector.array for vector in state.unknowns), *state.history], numbering, strict=True

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import ceil
 
 import numpy as np
 
+from indent_sim.model.work import Work, work_of_rows
 from indent_sim.process.errors import UsageError
 
 # Smallest number of rows from which the noise is estimated; the noise of a shorter curve counts as
@@ -16,14 +18,6 @@ MIN_SIGNAL_TO_NOISE = 10.0
 # If a curve does not return to zero force, its works are completed by the power law, provided that
 # its last force is at most this fraction of the largest.
 MAX_LAST_FORCE = 0.25
-
-
-@dataclass(frozen=True)
-class Work:
-    """Work of a part of a curve [force length], and the error of its integration."""
-
-    value: float
-    error: float
 
 
 @dataclass(frozen=True)
@@ -93,7 +87,7 @@ class IndentationCycle:
         if h[0] > 0:
             h = np.concatenate([[0.0], h])
             F = np.concatenate([[0.0], F])
-        return _work(h, F)
+        return work_of_rows(h, F)
 
     @property
     def unloading_work(self) -> Work:
@@ -104,7 +98,7 @@ class IndentationCycle:
         if self._end_of_contact < self.end:
             h = np.append(h, self._zero_crossing)
             F = np.append(F, 0.0)
-        return _work(h[::-1], F[::-1])
+        return work_of_rows(h[::-1], F[::-1])
 
     @property
     def h_p(self) -> float | None:
@@ -136,11 +130,12 @@ class IndentationCycle:
         Raises UsageError if unloading ends above the fraction `low`.
         """
         fraction = self.F[self.start : self.end] / self.F_max
-        if fraction.min() > low:
+        if fraction.min() > low * (1 + 1e-9):
             raise UsageError(
                 f"unloading ends at {fraction.min():.0%} of the largest force, above the "
                 f"{low:.0%} down to which it is fitted",
-                f"choose another part with --top, for example --top 98:{100 * fraction.min():.0f}",
+                "choose another part with --top, for example --top "
+                f"98:{ceil(100 * fraction.min())}",
             )
         begin = int(np.argmax(fraction <= high))
         last = int(np.flatnonzero(fraction >= low)[-1])
@@ -200,20 +195,6 @@ def noise_of(values: np.ndarray) -> float:
         return 0.0
     # The median of |x| of a normal distribution is 0.6745 of its standard deviation.
     return float(np.median(np.abs(np.diff(values, 4)))) / (0.6745 * 70**0.5)
-
-
-def _work(h: np.ndarray, F: np.ndarray) -> Work:
-    """Return the area below straight lines through the rows, and its error.
-
-    The error of the lines is of second order in the distance of the rows, so that a third of the
-    change without every second row estimates it.
-    """
-    kept = np.unique([*range(0, len(h), 2), len(h) - 1])
-    area, coarse_area = (
-        float(np.sum(np.diff(h[rows]) * (F[rows][1:] + F[rows][:-1]))) / 2
-        for rows in (np.arange(len(h)), kept)
-    )
-    return Work(area, abs(area - coarse_area) / 3)
 
 
 def _check_signal(name: str, largest: float, noise: float) -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from indent_sim.model.work import path_integral
 from indent_sim.process.errors import UsageError
 from indent_sim.results.pictures import curves, figures
 from indent_sim.results.pictures.axes import (
@@ -364,7 +365,7 @@ def _draw_side_force(axes: Axes, results: Results, side_force: str) -> None:
     begin = _loop_begin(x)
     name = "slide" if begin is None else "last loop"
     begin = begin or 0
-    work = float(-np.sum(np.diff(x[begin:]) * (F[begin + 1 :] + F[begin:-1]) / 2))
+    work = -path_integral(x[begin:], F[begin:])
     text = f"{name}: work {work:.4g}"
     if "dissipation" in results.table:
         dissipated = float(results["dissipation"][first + begin + 1 :].sum())

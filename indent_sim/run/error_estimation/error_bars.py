@@ -63,6 +63,7 @@ from indent_sim.scene.expected_error import FORCE_DEPTH_EXPONENT, edge_error
 from indent_sim.scene.measured_constants import (
     EDGE_ERROR,
     ERROR_CONSTANT,
+    MAX_YIELD_INCREMENT_ERROR,
     MOMENT_ERROR_RATIO,
     ORDER_OF_CONVERGENCE,
     RADIUS_ERROR,
@@ -533,15 +534,17 @@ class ErrorBars:
         """Return the least error of the force [force] of a body that yields, in its first rows.
 
         There the contact on the coarser mesh has too few elements to show the error of the
-        increments. A cone in one increment has a force 19 % too small, and 23 % of its own force.
+        increments. A plate has full contact from the first row on, and before yield there is no
+        such error.
         """
-        least_fraction = 0.25
+        if self._physics.is_compressed or not state.plastic_dissipation:
+            return 0.0
         deltas = (0.0, *self._physics.deltas)
         depth = deltas[state.step]
         increment = depth - deltas[state.step - 1]
         if increment <= 0 or depth <= 0:
             return 0.0
-        return least_fraction * min(increment / depth, 1.0) * abs(state.force)
+        return MAX_YIELD_INCREMENT_ERROR * min(increment / depth, 1.0) * abs(state.force)
 
     def _bath_error(self, state: State, name: str) -> float:
         """Return the error of a quantity due to the finite duration of the bath ramp.

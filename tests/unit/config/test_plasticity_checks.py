@@ -32,6 +32,28 @@ REFUSED: dict[str, tuple[dict[str, Any], str]] = {
         {"material": METAL | {"plasticity": {"n": 0.1}}},
         "material.plasticity.yield_stress",
     ),
+    "an instrument": ({"experiment": {"frame": {"compliance": 0.01}}}, "experiment"),
+    "an accuracy": ({"accuracy": 0.01}, "accuracy"),
+    "a soft tip": (
+        {
+            "indenter": {
+                "shape": "sphere",
+                "R": 1.0,
+                "material": {"model": "linear_elastic", "E": 1.0, "nu": 0.3},
+            }
+        },
+        "indenter.material",
+    ),
+    "a soft tip that is incomplete": (
+        {
+            "indenter": {
+                "shape": "sphere",
+                "R": 1.0,
+                "material": {"model": "linear_elastic", "E": 1.0},
+            }
+        },
+        "indenter.material",
+    ),
     "two hardening laws": ({"material": metal(n=0.1, linear=1.0)}, "material.plasticity.linear"),
     "softening": ({"material": metal(linear=-1.0)}, "material.plasticity.linear"),
     "an exponent of one": ({"material": metal(n=1.0)}, "material.plasticity.n"),

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scenes import BOX, ELASTIC, PARABOLOID, STRIP, WALLED
 
 from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.mesh.size_formulas import size_formula
@@ -13,7 +14,6 @@ from indent_sim.model.loading import Slide
 from indent_sim.model.tip_track import TipTrack
 from indent_sim.process.errors import ConfigError
 from indent_sim.scene.scene import resolve
-from tests.scenes import BOX, ELASTIC, PARABOLOID, STRIP, WALLED
 
 SLIDE = {"delta": 0.01, "steps": 2, "slide": {"to": [0.02, -0.02], "steps": 2}}
 SECTIONS: dict[str, Any] = {

@@ -92,7 +92,7 @@ class Friction(Term):
         )
         self._slip_start = fem.Function(body.unknowns.space)
         self._slip_start_depth = fem.Constant(body.mesh, 0.0)
-        self._slides = bool(body.scene.physics.path.slides)
+        self._slides = body.scene.physics.slides
         self._slip_start_center = [
             fem.Constant(body.mesh, float(c)) for c in body.scene.physics.center
         ]
@@ -289,6 +289,7 @@ class Friction(Term):
     def side_force(self, axis: int) -> float:
         """Horizontal force on the tip [force], this rank's part.
 
-        It is that of pressure and friction; of friction alone if the tip slides.
+        It is that of pressure and friction; if the tip slides, of friction alone, since then
+        `Traction` has the force of the pressure.
         """
         return float(fem.assemble_scalar(self._side_force_forms[axis]))

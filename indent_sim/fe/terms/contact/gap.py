@@ -29,7 +29,7 @@ class Gap:
         self._lever_axis = [
             fem.Constant(body.mesh, component) for component in scene.physics.moment_axis
         ]
-        self._slides = bool(scene.physics.path.slides)
+        self._slides = scene.physics.slides
         self._center = time_level.center
         if self._slides:
             self._center = [ufl.variable(c) for c in time_level.center]
