@@ -87,7 +87,7 @@ class TiltedTip(_Tip):
         """Name of the shape for messages."""
         return f"tilted {self.tip.shape}"
 
-    def on_face(self, x: Expr, y: Expr) -> tuple[Expr, Expr]:
+    def face_position(self, x: Expr, y: Expr) -> tuple[Expr, Expr]:
         """Return the position in the plane of a flat face below which a point lies [length]."""
         s, q = self._components(x, y)
         return s / cos(self.tilt), q
@@ -97,7 +97,7 @@ class TiltedTip(_Tip):
         """Area of a flat face seen from above, divided by its area."""
         return float(cos(self.tilt))
 
-    def with_upright(self, tip: Any) -> Any:
+    def replace_upright(self, tip: Any) -> Any:
         """Return another tip with the same tilt."""
         return tilted(tip, self.tilt, self.towards)
 
@@ -130,10 +130,10 @@ class TiltedTip(_Tip):
 
         `depth` is the height of the point above the lowest point of the tip.
         """
-        X, Y, Z = self._in_frame_of_tip(x, y, depth)
+        X, Y, Z = self._tip_coordinates(x, y, depth)
         return self.tip.gap_current(X, Y, Z)
 
-    def _in_frame_of_tip(self, x: Expr, y: Expr, z: Expr) -> tuple[Expr, Expr, Expr]:
+    def _tip_coordinates(self, x: Expr, y: Expr, z: Expr) -> tuple[Expr, Expr, Expr]:
         """Return the coordinates of a point (x, y, z) in the frame of the tip [length]."""
         cos_tilt = cos(self.tilt)
         sin_tilt = sin(self.tilt)
@@ -150,7 +150,7 @@ class TiltedTip(_Tip):
             s * sin_tilt + z * cos_tilt,
         )
 
-    def in_space(self, points: Any) -> Any:
+    def space_coordinates(self, points: Any) -> Any:
         """Return points (n, 3) of the frame of the tip in space, relative to the origin [length].
 
         z is the height above the lowest point.
@@ -254,7 +254,7 @@ class TiltedTip(_Tip):
                 + apex * cos_tilt
             )
         height = _largest(heights) - above
-        X, Y, _ = self._in_frame_of_tip(x, y, height)
+        X, Y, _ = self._tip_coordinates(x, y, height)
         end = self.tip.points[-1][0]
         return where_less(end * (1 + 1e-12), sqrt(X * X + Y * Y), ENDED_TIP_HEIGHT * end, height)
 
@@ -496,7 +496,7 @@ def _touching_point_of_profile(tip: Profile, tau: Expr) -> tuple[Expr, Expr]:
         part = minimum(maximum((tau - slope) / (jump + TINY_LENGTH), 0.0), 1.0)
         r = where_less(slope, tau, center - half_width + 2 * half_width * part, r)
         slope = slope + jump
-    return r, tip._height_at_radius(r)
+    return r, tip.height_at_radius(r)
 
 
 def _radii(tip: Indenter, depths: np.ndarray) -> np.ndarray:

@@ -108,7 +108,7 @@ class _Tip:
         """Horizontal direction to which the axis leans [degrees]; None if it is vertical."""
         return None
 
-    def on_face(self, x: Expr, y: Expr) -> tuple[Expr, Expr]:
+    def face_position(self, x: Expr, y: Expr) -> tuple[Expr, Expr]:
         """Return the position in the plane of a flat face below which a point lies [length]."""
         return x, y
 
@@ -117,7 +117,7 @@ class _Tip:
         """Area of a flat face seen from above, divided by its area."""
         return 1.0
 
-    def with_upright(self, tip: Any) -> Any:
+    def replace_upright(self, tip: Any) -> Any:
         """Return another tip with the tilt of this one."""
         return tip
 
@@ -711,7 +711,7 @@ class Profile(_Tip):
             where_less(x, -w, 0.0, where_less(x, w, (x + w) / rho, jump)) for x, w, jump in arcs
         )
 
-    def _height_at_radius(self, r: Expr) -> Expr:
+    def height_at_radius(self, r: Expr) -> Expr:
         """Return f(r) [length], ignoring the end of the tip."""
         height: Expr = 0.0
         for c, w, jump in self.rounding_arcs():
@@ -729,7 +729,7 @@ class Profile(_Tip):
         r = sqrt(x * x + y * y)
         max_radius = self.points[-1][0]
         return where_less(
-            max_radius * (1 + 1e-12), r, ENDED_TIP_HEIGHT * max_radius, self._height_at_radius(r)
+            max_radius * (1 + 1e-12), r, ENDED_TIP_HEIGHT * max_radius, self.height_at_radius(r)
         )
 
     def gap_current(self, x: Expr, y: Expr, depth: Expr) -> Expr:
@@ -737,7 +737,7 @@ class Profile(_Tip):
         r = sqrt(x * x + y * y + 1e-24 * self.tip_radius * self.tip_radius)
         max_radius = self.points[-1][0]
         slope = self.slope(r)
-        distance = (self._height_at_radius(r) - depth) / sqrt(1 + slope * slope)
+        distance = (self.height_at_radius(r) - depth) / sqrt(1 + slope * slope)
         return where_less(max_radius * (1 + 1e-12), r, ENDED_TIP_HEIGHT * max_radius, distance)
 
     def radius_at(self, depth: float) -> float:

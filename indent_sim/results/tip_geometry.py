@@ -108,7 +108,7 @@ def _tilted_section(tip: TiltedTip, width: float, degrees: float) -> SectionCurv
     if np.isclose(np.sin(angle - np.radians(tip.towards)), 0.0, atol=1e-12):
         # The plane contains the axis of the tip, whose own section is turned in it.
         s, z = section(tip.upright, DRAWN_WIDTH * width, degrees)
-        points = tip.in_space(s[:, None] * axis + z[:, None] * np.array([0.0, 0.0, 1.0]))
+        points = tip.space_coordinates(s[:, None] * axis + z[:, None] * np.array([0.0, 0.0, 1.0]))
         return points @ axis, points[:, 2]
     s = np.linspace(-width, width, 320)
     z = np.asarray(tip.height(s * axis[0], s * axis[1]), dtype=float)
@@ -139,7 +139,7 @@ def tip_mesh(
     if kinematics == "three_dimensional":
         points, cells = _tip_surface(tip.upright, width)
         if isinstance(tip, TiltedTip):
-            points = tip.in_space(points)
+            points = tip.space_coordinates(points)
         return TipGeometry(points + np.array([*center, 0.0]), cells, contacts_per_body)
     s, z = half_section(tip, width) if kinematics == "axisymmetric" else section(tip, width)
     points = np.column_stack([s + (*center, 0.0)[0], np.zeros(len(s)), z])

@@ -410,7 +410,7 @@ def tip(config: Config, setup: ProblemSetup, gap: str) -> tuple[Indenter, Choice
     # Radius of a rounded apex or edge, relative to the expected contact radius.
     rounding_fraction = 1e-3
     radius = round_length(rounding_fraction * setup.a)
-    rounded_tip = sharp_tip.with_upright(replace(upright, **{key: radius}))
+    rounded_tip = sharp_tip.replace_upright(replace(upright, **{key: radius}))
     theories = [
         layer_theory(body, setup.layers, item, physics.center) for item in (sharp_tip, rounded_tip)
     ]

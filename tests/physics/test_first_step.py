@@ -89,11 +89,11 @@ def scenes(count: int, seed: int = 12) -> Iterator[tuple[str, dict[str, Any]]]:
     pick.shuffle(strata)
     for number in range(count):
         tip, gap, material = strata[number % len(strata)]
-        in_space = number % SPATIAL == SPATIAL - 1
-        tip = pick.choice([IN_SPACE, tip]) if in_space else tip
+        space_coordinates = number % SPATIAL == SPATIAL - 1
+        tip = pick.choice([IN_SPACE, tip]) if space_coordinates else tip
         depth = pick.uniform(0.3, 3.0) if number % 2 else 10 ** pick.uniform(-6, -0.5)
         height = depth / pick.uniform(0.2, 0.8) if depth > 0.5 else pick.uniform(1.0, 4.0)
-        body = _body(pick, in_space, height)
+        body = _body(pick, space_coordinates, height)
         method = pick.choice(METHODS)
         indenter: dict[str, Any] = {"shape": SHAPES.get(tip, tip)} | TIPS[tip](pick)
         if body["shape"] == "strip" and pick.random() < 0.5:
@@ -110,8 +110,8 @@ def scenes(count: int, seed: int = 12) -> Iterator[tuple[str, dict[str, Any]]]:
         )
 
 
-def _body(pick: random.Random, in_space: bool, height: float) -> dict[str, Any]:
-    shape = "box" if in_space else pick.choices(["cylinder", "strip"], [5, 1])[0]
+def _body(pick: random.Random, space_coordinates: bool, height: float) -> dict[str, Any]:
+    shape = "box" if space_coordinates else pick.choices(["cylinder", "strip"], [5, 1])[0]
     wide = pick.uniform(3.0, 6.0)
     held = {
         "base": pick.choice(["fixed", "roller"]),

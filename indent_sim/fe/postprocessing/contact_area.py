@@ -104,7 +104,7 @@ def whole_face_area(body: ObservedBody, X: np.ndarray, trial_pressure: np.ndarra
     horizontal_position = physics.domain.kinematics.horizontal_position
     tip = physics.indenter
     position = horizontal_position(components_first(X), body.tip_center)
-    distance = np.hypot(*tip.on_face(*position))
+    distance = np.hypot(*tip.face_position(*position))
     # Relative distance from a tip's sharp edge within which a point of the mesh counts as lying on
     # it, since coordinates are rounded to 12 digits.
     edge_tolerance = 1e-9
@@ -125,8 +125,8 @@ def whole_face_area(body: ObservedBody, X: np.ndarray, trial_pressure: np.ndarra
         local_area = _segment_measure(body, X[is_face, 0, 0], X[is_face, -1, 0])
     else:
         corners = body.trace.X[:, :3, :2] - np.array(body.tip_center)
-        on_face = np.stack(tip.on_face(corners[..., 0], corners[..., 1]), axis=-1)
-        local_area = tip.foreshortening * float(np.abs(area_in_circle(on_face, radius)).sum())
+        face_position = np.stack(tip.face_position(corners[..., 0], corners[..., 1]), axis=-1)
+        local_area = tip.foreshortening * float(np.abs(area_in_circle(face_position, radius)).sum())
     total_area = local_area if body.comm.size == 1 else body.comm.allreduce(local_area, op=MPI.SUM)
     return physics.domain.symmetry_factor * total_area
 

@@ -77,10 +77,10 @@ def test_the_lowest_point_is_at_height_zero(tip: Any, tilt: float) -> None:
 
 @pytest.mark.parametrize(("tip", "tilt"), TIPS, ids=str)
 def test_points_of_the_surface_are_turned(tip: Any, tilt: float, points: np.ndarray) -> None:
-    """The surface of the upright tip, turned by `in_space`, is the surface of the tilted one."""
+    """The surface of the upright tip, turned by `space_coordinates`, is that of the tilted one."""
     leaning = tilted(tip, tilt, -40.0)
     x, y = 0.3 * points
-    x, y, z = leaning.in_space(np.column_stack([x, y, tip.height(x, y)])).T
+    x, y, z = leaning.space_coordinates(np.column_stack([x, y, tip.height(x, y)])).T
     assert leaning.height(x, y) == pytest.approx(z, abs=1e-10)
 
 
