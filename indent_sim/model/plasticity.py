@@ -35,56 +35,93 @@ class Voce:
     strain: Annotated[float, Gt(0)]
 
 
+# Laws of hardening, by the keys that give them.
+HARDENING_LAWS = ("n", "linear", "voce")
+Exponent = Annotated[float, Ge(0), Lt(1)]
+HardeningModulus = Annotated[float, Ge(0), PRESSURE]
+
+
+@dataclass(frozen=True)
+class Hardening:
+    """Growth of the yield stress with the equivalent plastic strain alpha; one law is given.
+
+    `n` is the power law yield_stress (1 + E alpha/yield_stress)^n, `linear` gives yield_stress +
+    linear alpha, and `voce` gives yield_stress + rise (1 - exp(-alpha/strain)).
+    """
+
+    n: Exponent | None = None
+    linear: HardeningModulus | None = None
+    voce: Voce | None = None
+
+    @property
+    def laws(self) -> tuple[str, ...]:
+        """Keys of the given laws; a valid hardening has exactly one."""
+        return tuple(name for name in HARDENING_LAWS if getattr(self, name) is not None)
+
+
 @dataclass(frozen=True)
 class Plasticity:
     """Von Mises yield with isotropic hardening, for the equivalent plastic strain alpha.
 
-    The yield stress `yield_stress` alone is perfect plasticity. At most one hardening law is added:
-    `n` for yield_stress (1 + E alpha/yield_stress)^n, `linear` for yield_stress + linear alpha, or
-    `voce` for yield_stress + rise (1 - exp(-alpha/strain)).
+    The yield stress `yield_stress` alone is perfect plasticity; `hardening` lets it grow. `n`,
+    `linear` or `voce` beside the yield stress is a short form of `hardening` with this law, by
+    which it is replaced.
     """
 
     yield_stress: Modulus
-    n: Annotated[float, Ge(0), Lt(1)] | None = None
-    linear: Annotated[float, Ge(0), PRESSURE] | None = None
+    hardening: Hardening | None = None
+    n: Exponent | None = None
+    linear: HardeningModulus | None = None
     voce: Voce | None = None
 
+    def __post_init__(self) -> None:
+        """Replace the short form by the hardening that it stands for."""
+        short = {name: getattr(self, name) for name in self.short_laws}
+        if self.hardening is not None or len(short) != 1:
+            return
+        object.__setattr__(self, "hardening", Hardening(**short))
+        for name in short:
+            object.__setattr__(self, name, None)
+
     @property
-    def hardening_laws(self) -> tuple[str, ...]:
-        """Keys of the given hardening laws, of which there may be one at most."""
-        return tuple(name for name in ("n", "linear", "voce") if getattr(self, name) is not None)
+    def short_laws(self) -> tuple[str, ...]:
+        """Keys of laws in the short form; a valid plasticity has none, since it is replaced."""
+        return tuple(name for name in HARDENING_LAWS if getattr(self, name) is not None)
 
     def flow_stress(self, alpha: Expr, E: Expr) -> Expr:
         """Return the yield stress sigma(alpha) [pressure] at an equivalent plastic strain."""
-        if self.n is not None:
-            return self.yield_stress * (1 + E * alpha / self.yield_stress) ** self.n
-        if self.linear is not None:
-            return self.yield_stress + self.linear * alpha
-        if self.voce is not None:
-            return self.yield_stress + self.voce.rise * (1 - exp(-alpha / self.voce.strain))
+        law = self.hardening or Hardening()
+        if law.n is not None:
+            return self.yield_stress * (1 + E * alpha / self.yield_stress) ** law.n
+        if law.linear is not None:
+            return self.yield_stress + law.linear * alpha
+        if law.voce is not None:
+            return self.yield_stress + law.voce.rise * (1 - exp(-alpha / law.voce.strain))
         return self.yield_stress + 0.0 * alpha
 
     def hardening_modulus(self, alpha: Expr, E: Expr) -> Expr:
         """Return the derivative dsigma/dalpha [pressure]."""
-        if self.n is not None:
-            return self.n * E * (1 + E * alpha / self.yield_stress) ** (self.n - 1)
-        if self.linear is not None:
-            return self.linear + 0.0 * alpha
-        if self.voce is not None:
-            return self.voce.rise / self.voce.strain * exp(-alpha / self.voce.strain)
+        law = self.hardening or Hardening()
+        if law.n is not None:
+            return law.n * E * (1 + E * alpha / self.yield_stress) ** (law.n - 1)
+        if law.linear is not None:
+            return law.linear + 0.0 * alpha
+        if law.voce is not None:
+            return law.voce.rise / law.voce.strain * exp(-alpha / law.voce.strain)
         return 0.0 * alpha
 
     def plastic_work(self, alpha: Expr, E: Expr) -> Expr:
         """Return the work per volume [pressure] of plastic flow up to alpha: int sigma dalpha."""
-        if self.n is not None:
+        law = self.hardening or Hardening()
+        if law.n is not None:
             base = 1 + E * alpha / self.yield_stress
-            return self.yield_stress**2 / (E * (1 + self.n)) * (base ** (self.n + 1) - 1)
+            return self.yield_stress**2 / (E * (1 + law.n)) * (base ** (law.n + 1) - 1)
         work = self.yield_stress * alpha
-        if self.linear is not None:
-            return work + self.linear * alpha * alpha / 2
-        if self.voce is not None:
-            strain = self.voce.strain
-            return work + self.voce.rise * (alpha - strain * (1 - exp(-alpha / strain)))
+        if law.linear is not None:
+            return work + law.linear * alpha * alpha / 2
+        if law.voce is not None:
+            strain = law.voce.strain
+            return work + law.voce.rise * (alpha - strain * (1 - exp(-alpha / strain)))
         return work
 
     def strain_increment(self, q: Expr, alpha: Expr, mu: Expr, E: Expr) -> Expr:
@@ -101,8 +138,9 @@ class Plasticity:
         E : Expr
             Young's modulus [pressure].
         """
+        law = self.hardening or Hardening()
         excess = macaulay(q - self.flow_stress(alpha, E))
-        if self.n is None and self.voce is None:
+        if law.n is None and law.voce is None:
             return excess / (3 * mu + self.hardening_modulus(alpha, E))
         # The increment without hardening is too large. From there Newton's method converges
         # monotonically after its first step, because sigma is concave.
