@@ -152,6 +152,11 @@ material.n [1] $n$: exponent of power-law hardening
 material.linear [pressure]: hardening modulus of plasticity
 voce: saturating hardening: the yield stress grows by rise (1 - exp(-alpha/strain))
 rise [pressure]: largest growth of the yield stress
+creep: plastic flow that depends on the rate: the flow stress is sigma(alpha) (1 + (alpha'/rate)^m)
+  at the rate alpha' of the equivalent plastic strain; needs a load path in time
+rate [1/time]: rate of the equivalent plastic strain at which the flow stress is twice that of slow
+  loading
+m [1] $m$: sensitivity of the overstress to the rate; small: nearly independent of time
 strain [1]: equivalent plastic strain at which 63 % of the rise is reached
 E_star [pressure] $E^*$: plane-strain modulus E / (1 - nu^2)
 
