@@ -340,7 +340,14 @@ def _set_up(
     relative = relative_tip(tip, body)
     radius = cache(partial(expected_radius, theory, (relative, tip), body, center))
     yielding = yielding_contact(
-        theory, relative, body, layers, center, domain.kinematics, elastic_radius=radius
+        theory,
+        relative,
+        body,
+        layers,
+        center,
+        domain.kinematics,
+        radius,
+        is_half_space=isinstance(whole_body, HalfSpace),
     )
     deltas = expected_depths(
         path,

@@ -12,7 +12,7 @@ from indent_sim.model.imported_body import ImportedBody
 from indent_sim.model.kinematics import Kinematics
 from indent_sim.model.layers import Layer
 from indent_sim.model.materials import Material
-from indent_sim.model.tips import Indenter, max_radius
+from indent_sim.model.tips import Cone, Indenter, max_radius
 from indent_sim.scene.compression_theory import covers_top
 from indent_sim.scene.depth_limits import Center
 from indent_sim.scene.half_space_formulas import half_space_force
@@ -58,8 +58,9 @@ class YieldingContact:
         Largest contact radius that the body allows [length].
     area : callable
         Contact area of a contact radius [length^2], in plane strain the width [length].
-    hardening_exponent : float or None
-        Exponent n of power-law hardening, 0 without hardening; None for other laws.
+    is_published : bool
+        True if the functions of Dao et al. hold for this body but for the constants of its material
+        and the friction: a sharp cone on a homogeneous half-space at finite strain.
     """
 
     solid: YieldingSolid
@@ -70,7 +71,7 @@ class YieldingContact:
     size: float
     rim: float
     area: Callable[[float], float] = field(repr=False)
-    hardening_exponent: float | None
+    is_published: bool
 
     @property
     def _is_round(self) -> bool:
@@ -147,6 +148,22 @@ class YieldingContact:
         is_local = onset.a <= min([MAX_ONSET_RADIUS * self.size, *apex_ends])
         return onset if is_local else None
 
+    def published_curvature(self) -> float | None:
+        """Return F/delta^2 [pressure] of a frictionless cone by Dao et al.; None if not valid."""
+        return self.solid.dao_curvature() if self._dao_holds else None
+
+    def published_stiffness(self) -> float | None:
+        """Return the unloading stiffness over the depth [pressure] by Dao et al., or None."""
+        n = self.solid.power_law_exponent
+        return self.solid.dao_stiffness(n) if self._dao_holds and n is not None else None
+
+    @property
+    def _dao_holds(self) -> bool:
+        """True if the functions of Dao et al. hold for this body without friction."""
+        if not self.is_published or not isinstance(self.tip, Cone):
+            return False
+        return not self.solid.dao_obstacle(float(self.tip.half_angle))
+
     @property
     def is_sharp(self) -> bool:
         """True if the tip has a sharp apex or edge, below which the elastic stress is infinite."""
@@ -161,10 +178,13 @@ def yielding_contact(
     center: Center,
     kinematics: Kinematics,
     elastic_radius: Callable[[float], float],
+    *,
+    is_half_space: bool,
 ) -> YieldingContact | None:
     """Return the expected contact if the first layer of a body yields below a tip, else None.
 
-    It is not known for a plate and for a mesh from a file. Parameters as in `expected_radius`.
+    It is not known for a plate and for a mesh from a file. `is_half_space` is true if the body
+    stands for a half-space; other parameters as in `expected_radius`.
     """
     material = layers[0].material
     if material is None or material.plasticity is None or isinstance(body, ImportedBody):
@@ -173,6 +193,9 @@ def yielding_contact(
         return None
     thickness = layers[0].thickness or inf
     lateral_extent = body.lateral_extent(center)
+    is_homogeneous = is_half_space and len(layers) == 1 and not body.inclusions
+    is_sharp_cone = isinstance(tip, Cone) and tip.tip_radius == 0
+    is_published = is_homogeneous and is_sharp_cone and not material.is_small_strain
     return YieldingContact(
         _yielding_solid(material),
         tip,
@@ -182,16 +205,8 @@ def yielding_contact(
         min(thickness, body.height, lateral_extent or inf),
         max(lateral_extent, 0.05 * body.lateral_extent(body.center)),
         kinematics.contact_area,
-        power_law_exponent(material),
+        is_published,
     )
-
-
-def power_law_exponent(material: Material) -> float | None:
-    """Return the exponent n of power-law hardening, 0 without hardening; None for other laws."""
-    plasticity = material.plasticity
-    if plasticity is None:
-        return None
-    return plasticity.n or 0.0 if plasticity.hardening_laws in ((), ("n",)) else None
 
 
 def _yielding_solid(material: Material) -> YieldingSolid:

@@ -37,6 +37,8 @@ DAO_ANGLE_TOLERANCE = 0.5
 # Poisson's ratio of their runs, and the difference that they allow.
 DAO_NU = 0.3
 DAO_NU_TOLERANCE = 0.05
+# Largest exponent of power-law hardening of their runs.
+DAO_MAX_EXPONENT = 0.5
 # Range of ln(E*/sigma_0.033) of their runs.
 DAO_RANGE = (3.2, 6.7)
 # Relative error of their functions [-].
@@ -151,6 +153,13 @@ class YieldingSolid:
         total = alpha + self.yield_stress / self.E
         return float(self.hardening_modulus(alpha) * total / self.flow_stress(alpha))
 
+    @property
+    def power_law_exponent(self) -> float | None:
+        """Exponent n of power-law hardening, 0 without hardening; None for other laws."""
+        exponents = [self.hardening_exponent(slope) for slope in (0.05, 0.5, 5.0)]
+        rounding = 1e-9
+        return exponents[0] if max(exponents) - min(exponents) < rounding else None
+
     def contact_height(self, slope: float, *, is_round: bool) -> float:
         """Return the height of the tip at the contact edge above its apex, divided by the depth.
 
@@ -191,6 +200,8 @@ class YieldingSolid:
         """
         if abs(half_angle - DAO_HALF_ANGLE) > DAO_ANGLE_TOLERANCE:
             return f"the half-angle is not {DAO_HALF_ANGLE:g} degrees"
+        if (n := self.power_law_exponent) is None or n > DAO_MAX_EXPONENT:
+            return f"hardening is not a power law with n <= {DAO_MAX_EXPONENT:g}"
         if abs(self.nu - DAO_NU) > DAO_NU_TOLERANCE:
             return f"nu is not {DAO_NU:g}"
         if not DAO_RANGE[0] <= self._dao_argument <= DAO_RANGE[1]:

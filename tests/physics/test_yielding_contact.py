@@ -1,4 +1,4 @@
-"""Expected contact of bodies that yield, against their runs."""
+"""Expected contact of bodies that yield, and theory beside them, against their runs."""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ import pytest
 from scenes import scene
 
 from indent_sim.run import pipeline
+from indent_sim.run.theory_comparison import theory_comparison
+from indent_sim.run.yield_comparison import onset_entry
 from indent_sim.scene.scene import Scene
 
 CONE = {"shape": "cone", "half_angle": 70.3}
@@ -33,7 +35,7 @@ def metal(E: float, tip: dict[str, Any], loading: dict[str, Any], **plasticity: 
 @pytest.mark.parametrize(
     ("E", "tip", "depth", "n"),
     [
-        (100.0, CONE, 1.0, 0.0),
+        pytest.param(100.0, CONE, 1.0, 0.0, marks=pytest.mark.verify),
         pytest.param(33.0, CONE, 1.0, 0.0, marks=pytest.mark.verify),
         pytest.param(700.0, CONE, 1.0, 0.0, marks=pytest.mark.verify),
         pytest.param(100.0, CONE, 1.0, 0.3, marks=pytest.mark.verify),
@@ -71,3 +73,48 @@ def test_plan_tells_the_onset(tip: dict[str, Any], depth: float) -> None:
     assert base.plan.prediction["onset_delta"] == pytest.approx(depth, rel=1e-5)
     strain = next(choice for choice in base.plan.choices if choice.key == "strain")
     assert ("from the first contact on" if depth == 0 else f"{depth:.4g}") in strain.why
+
+
+def test_theory_beside_a_cone_that_yields() -> None:
+    """Dao et al. give force and stiffness; no elastic theory stands beside the run.
+
+    Their fits have an error of 3 %, and eight increments make the force 8 % too low at most.
+    """
+    base = metal(100.0, CONE, {"delta": 1.0, "steps": 8})
+    states = list(pipeline.states(base))
+    theory = theory_comparison(base, states)
+    assert theory and theory["name"].startswith("Dao")
+    assert theory["force"] == pytest.approx(69.237, rel=1e-4)
+    assert theory["force_deviation"] == pytest.approx(0.0, abs=0.07)
+    assert theory["stiffness"] == pytest.approx(6.2068 / 0.91 * 100.0, rel=1e-4)
+    assert theory["stiffness_deviation"] == pytest.approx(0.0, abs=0.05)
+    assert theory["half_space"] is None
+    onset = onset_entry(base, states)
+    assert onset and onset["passed"] and onset["delta"] == 0
+    assert states[-1].a == pytest.approx(base.plan.prediction["a"], rel=0.05)
+    assert states[-1].force == pytest.approx(base.plan.prediction["force"], rel=0.12)
+
+
+def test_below_the_onset_of_yield_hertz_is_the_theory() -> None:
+    """Exact for the run, which says that it is elastic; at small strain to 0.3 % on this mesh."""
+    tip = {"shape": "paraboloid", "R": 1.0}
+    base = scene(
+        {"shape": "half_space"},
+        material={
+            "model": "linear_elastic",
+            "E": 1000.0,
+            "nu": 0.3,
+            "plasticity": {"yield_stress": 10.0},
+        },
+        indenter=tip,
+        loading={"deltas": [2e-4, 4.5e-4]},
+        mesh={},
+    )
+    states = list(pipeline.states(base))
+    assert all(state.plastic_dissipation == 0 for state in states)
+    theory = theory_comparison(base, states)
+    assert theory and theory["exact"]
+    assert theory["force_deviation"] == pytest.approx(0.0, abs=3e-3)
+    onset = onset_entry(base, states)
+    assert onset and not onset["passed"]
+    assert onset["delta"] == pytest.approx(6.41799 * (10.0 * 0.91 / 1000.0) ** 2, rel=1e-5)
