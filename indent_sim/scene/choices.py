@@ -50,7 +50,7 @@ def model_choices(setup: ProblemSetup) -> Choices:
         "is rigid and without friction, and delta is the approach of tip and flat"
     )
     kind = "linear elastic" if physics.small_strain else "hyperelastic"
-    plastic = ", and yields" if physics.yields else ""
+    plastic = f", and yields{_onset_words(setup)}" if physics.yields else ""
     strain = ("small" if physics.small_strain else "finite", f"the material is {kind}{plastic}")
     force_reason = (
         "forces are prescribed: the depth of each is found by load control, with force(depth) "
@@ -70,6 +70,17 @@ def model_choices(setup: ProblemSetup) -> Choices:
         *([Choice("pins", len(domain.pins), pinned)] if domain.pins else []),
         *([Choice("body.base", "unbonded", resting)] if domain.rests_on_flat else []),
     ]
+
+
+def _onset_words(setup: ProblemSetup) -> str:
+    """Return from which depth on a body yields, as the end of a sentence; "" if not known."""
+    onset = setup.yielding.onset if setup.yielding else None
+    if onset is None:
+        return ""
+    if onset.delta == 0:
+        return " from the first contact on, since the tip is sharp"
+    depth = onset.delta * setup.physics.scales.depth
+    return f" from the depth {depth:.4g} on (Hertz and von Mises)"
 
 
 def side_force_choices(physics: ProblemDefinition) -> Choices:

@@ -501,6 +501,7 @@ class ProblemDefinition:
             is_nonlinear_in_time,
             holding_solves,
             self._sliding_solves,
+            self.yields,
         )
 
     @property

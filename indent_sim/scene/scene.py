@@ -59,6 +59,7 @@ if TYPE_CHECKING:
     from indent_sim.config.schema import Config
 
 FRICTION_WHY = "the surface has friction, but the theory has none"
+YIELD_WHY = "the body yields, but the theory is elastic"
 
 
 @dataclass(frozen=True)
@@ -215,7 +216,7 @@ class Scene:
                 not physics.small_strain and not is_finite,
                 "strains are finite, but the theory is for small strain",
             ),
-            (physics.yields, "the body yields, but the theory is elastic"),
+            (physics.yields, YIELD_WHY),
             (physics.has_friction, FRICTION_WHY),
             (physics.slides, "the tip slides, but the theory has no sideways motion"),
             (
@@ -479,6 +480,7 @@ def _meshed_scene(config: Config, setup: ProblemSetup, per_radius: float | None)
         adhesion,
         setup.jkr,
         time,
+        setup.yielding,
     )
     plan = Plan(config.title, config.units, *plan_parts)
     settings = replace(
