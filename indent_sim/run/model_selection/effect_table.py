@@ -594,7 +594,7 @@ EFFECTS: dict[str, Cases] = {
             "the soft tip relative to a rigid one, on one mesh{v.stand_in_text}",
             lambda v: v.meshed_variant(v.linear_scene),
             lambda v: v.meshed_variant(v.with_rigid_tip(v.linear_scene)),
-            when=lambda v: v.config.indenter.lens,
+            when=lambda v: v.config.indenter.elastic_part,
         ),
         Unknown(
             "there is no theory of this tip and body",
