@@ -35,8 +35,8 @@ def flow_errors(config: SceneSections) -> Iterator[ConfigError]:
         material.is_time_dependent for _, material in config.materials()
     ):
         problem = (
-            "applies to time-dependent bodies, but no material of this body has a flow or relaxes "
-            "in shear only"
+            "applies to time-dependent bodies, but no material of this body has a flow, creeps or "
+            "relaxes in shear only"
         )
         yield ConfigError("loading.per_doubling", problem, "leave it out")
     if not flows:
@@ -168,7 +168,12 @@ def plasticity_errors(config: SceneSections) -> Iterator[ConfigError]:
             if getattr(law, slot):
                 problem = f"a body that both yields and {verb} is not modelled"
                 yield ConfigError(f"{law_key}.{slot}", problem, f"leave it or {key} out")
-    if config.loading.prescribed_history is not None:
+    creeps = any(law.creeps for law in laws.values())
+    if creeps and config.loading.prescribed_history is None:
+        remedy = "give loading.history or loading.force_history"
+        creep_key = next(key for key, law in laws.items() if law.creeps)
+        yield ConfigError(f"{creep_key}.creep", "needs a load path in time", remedy)
+    elif not creeps and config.loading.prescribed_history is not None:
         path_key = config.loading.given_path_keys[0]
         yield ConfigError(
             f"loading.{path_key}",

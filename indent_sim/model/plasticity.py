@@ -6,25 +6,36 @@ is zero while q <= sigma(alpha), and otherwise the root of
 
     q - 3 mu d = sigma(alpha + d).
 
+With `creep` the stress under which the body flows also depends on the rate of the plastic strain,
+
+    q - 3 mu d = sigma(alpha + d) (1 + s),    s = (d/(rate dt))^m,
+
+in a time increment dt by the backward Euler method.
+
 With logarithmic strains this radial return holds at finite strain as at small strain. Source: Simo
 & Hughes (1998), Computational Inelasticity, boxes 3.1 and 9.1; Weber & Anand (1990), Comput.
-Methods Appl. Mech. Eng. 79, 173.
+Methods Appl. Mech. Eng. 79, 173; Perzyna (1966), Adv. Appl. Mech. 9, 243.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
-from annotated_types import Ge, Gt, Lt
+from annotated_types import Ge, Gt, Le, Lt
 
-from indent_sim.model.algebra import Expr, exp, macaulay
-from indent_sim.model.units import PRESSURE, Modulus
+from indent_sim.model.algebra import Expr, exp, macaulay, maximum, minimum
+from indent_sim.model.units import PRESSURE, Modulus, Unit
 
 # Number of Newton iterations for the plastic strain increment of a nonlinear hardening law. The
 # increment is then accurate to round-off if the hardening modulus is smaller than Young's modulus.
 # Checked: tests/unit/model/test_plasticity.py.
 INCREMENT_ITERATIONS = 4
+# The same for the overstress of a body that creeps.
+# Checked: tests/unit/model/test_plasticity.py.
+CREEP_ITERATIONS = 10
+# Least strain rate dt of a time increment: in a sudden change of the load nothing creeps.
+MIN_CREEP_STRAIN = 1e-200
 
 
 @dataclass(frozen=True)
@@ -60,12 +71,43 @@ class Hardening:
 
 
 @dataclass(frozen=True)
+class Creep:
+    """Rate-dependent flow (Perzyna): the flow stress is sigma(alpha) (1 + (alpha'/rate)^m).
+
+    alpha' is the rate of the equivalent plastic strain, `rate` [1/time] that at which the flow
+    stress is twice the yield stress sigma(alpha) of slow loading, and m the rate sensitivity.
+    """
+
+    rate: Annotated[float, Gt(0), Unit("1/time")]
+    m: Annotated[float, Ge(0.01), Le(1)]
+
+
+class FlowIncrement(NamedTuple):
+    """Plastic flow in an increment of load or time.
+
+    Attributes
+    ----------
+    strain : Expr
+        Increment d >= 0 of the equivalent plastic strain.
+    compliance : Expr
+        Derivative of d with respect to the trial von Mises stress [1/pressure], where d > 0.
+    viscous_work : Expr
+        Work per volume of the overstress [pressure]; zero without creep.
+    """
+
+    strain: Expr
+    compliance: Expr
+    viscous_work: Expr
+
+
+@dataclass(frozen=True)
 class Plasticity:
     """Von Mises yield with isotropic hardening, for the equivalent plastic strain alpha.
 
     The yield stress `yield_stress` alone is perfect plasticity; `hardening` lets it grow. `n`,
     `linear` or `voce` beside the yield stress is a short form of `hardening` with this law, by
-    which it is replaced.
+    which it is replaced. With `creep` the body flows with time under a stress above the yield
+    stress.
     """
 
     yield_stress: Modulus
@@ -73,6 +115,7 @@ class Plasticity:
     n: Exponent | None = None
     linear: HardeningModulus | None = None
     voce: Voce | None = None
+    creep: Creep | None = None
 
     def __post_init__(self) -> None:
         """Replace the short form by the hardening that it stands for."""
@@ -124,8 +167,10 @@ class Plasticity:
             return work + law.voce.rise * (alpha - strain * (1 - exp(-alpha / strain)))
         return work
 
-    def strain_increment(self, q: Expr, alpha: Expr, mu: Expr, E: Expr) -> Expr:
-        """Return the plastic strain increment d >= 0 of an increment of load.
+    def flow_increment(
+        self, q: Expr, alpha: Expr, mu: Expr, E: Expr, dt: Expr = 0.0
+    ) -> FlowIncrement:
+        """Return the plastic flow in an increment of load or time.
 
         Parameters
         ----------
@@ -137,17 +182,51 @@ class Plasticity:
             Shear modulus [pressure].
         E : Expr
             Young's modulus [pressure].
+        dt : Expr
+            Duration of the increment [time], only used with `creep`.
         """
+        if self.creep:
+            return self._creep_increment(q, alpha, mu, E, dt)
+        start_stress = self.flow_stress(alpha, E)
+        excess = macaulay(q - start_stress)
         law = self.hardening or Hardening()
-        excess = macaulay(q - self.flow_stress(alpha, E))
         if law.n is None and law.voce is None:
-            return excess / (3 * mu + self.hardening_modulus(alpha, E))
+            compliance = 1 / (3 * mu + self.hardening_modulus(alpha, E))
+            return FlowIncrement(excess * compliance, compliance, 0.0 * excess)
         # The increment without hardening is too large. From there Newton's method converges
         # monotonically after its first step, because sigma is concave.
-        start_stress = self.flow_stress(alpha, E)
         d = excess / (3 * mu)
         for _ in range(INCREMENT_ITERATIONS):
             rise = self.flow_stress(alpha + d, E) - start_stress
             slope = 3 * mu + self.hardening_modulus(alpha + d, E)
             d = d + (excess - 3 * mu * d - rise) / slope
-        return d
+        return FlowIncrement(d, 1 / (3 * mu + self.hardening_modulus(alpha + d, E)), 0.0 * excess)
+
+    def _creep_increment(self, q: Expr, alpha: Expr, mu: Expr, E: Expr, dt: Expr) -> FlowIncrement:
+        """Return the plastic flow with creep; parameters as in `flow_increment`.
+
+        The overstress s is the unknown: with d = rate dt s^(1/m) it is the root of
+        3 mu d + sigma(alpha + d) (1 + s) = q, or zero below the yield stress.
+        """
+        assert self.creep
+        exponent = 1 / self.creep.m
+        creep_strain = maximum(self.creep.rate * dt, 0.0 * dt + MIN_CREEP_STRAIN)
+        start_stress = self.flow_stress(alpha, E)
+        excess = macaulay(q - start_stress)
+        # Either term alone would need a larger s. From the smaller of both values Newton's method
+        # decreases monotonically, because the left side is convex, or nearly so.
+        s = minimum(excess / start_stress, (excess / (3 * mu * creep_strain)) ** self.creep.m)
+        for _ in range(CREEP_ITERATIONS):
+            d = creep_strain * s**exponent
+            strain_slope = exponent * creep_strain * s ** (exponent - 1)
+            stress = self.flow_stress(alpha + d, E)
+            residual = 3 * mu * d + (stress - start_stress) + stress * s - excess
+            modulus = 3 * mu + self.hardening_modulus(alpha + d, E) * (1 + s)
+            s = macaulay(s - residual / (stress + modulus * strain_slope))
+        # The bound only matters for trial states far from equilibrium, with a hundred times the
+        # yield stress, where the iterations may not have converged.
+        d = minimum(creep_strain * s**exponent, excess / (3 * mu))
+        strain_slope = exponent * creep_strain * s ** (exponent - 1)
+        stress = self.flow_stress(alpha + d, E)
+        modulus = 3 * mu + self.hardening_modulus(alpha + d, E) * (1 + s)
+        return FlowIncrement(d, strain_slope / (stress + modulus * strain_slope), stress * s * d)

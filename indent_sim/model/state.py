@@ -16,8 +16,8 @@ DERIVED_COLUMNS = ("stiffness", "area", "E_hertz")
 # Columns of scenes with friction; a side force only if no mirror plane through the tip is normal to
 # its axis.
 FRICTION_COLUMNS = ("stick_radius", "dissipation", "side_force_x", "side_force_y")
-# Columns of scenes with a tilted tip.
-TILT_COLUMNS = ("moment", "x_contact")
+# Columns of scenes with a tip that is tilted or slides.
+MOMENT_COLUMNS = ("moment", "x_contact")
 # Columns of scenes with a tip that slides; x comes after delta.
 SLIDE_COLUMNS = ("x",)
 # Columns of scenes with fluid in the pores.
@@ -186,10 +186,10 @@ class State:
         Horizontal forces on the body that do not balance, of a sliding tip [force]; zero in
         equilibrium.
     moment
-        Integral of the vertical traction times the distance from the tip's center along the tilt
-        [force length].
+        Integral of the vertical traction times the distance from the tip's axis along the tilt, of
+        an upright tip along its slide [force length]. The axis moves with the slide.
     x_contact
-        Distance of the resultant vertical force from the tip's center along the tilt [length].
+        Distance of the resultant vertical force from the tip's axis in this direction [length].
     force_error, a_error, p_max_error, delta_error, residual_depth_error, stick_radius_error,
     dissipation_error, side_force_x_error, side_force_y_error, moment_error, x_contact_error
         Error estimates: half-widths of intervals, in the unit of the quantity.

@@ -152,6 +152,11 @@ material.n [1] $n$: exponent of power-law hardening
 material.linear [pressure]: hardening modulus of plasticity
 voce: saturating hardening: the yield stress grows by rise (1 - exp(-alpha/strain))
 rise [pressure]: largest growth of the yield stress
+creep: plastic flow that depends on the rate: the flow stress is sigma(alpha) (1 + (alpha'/rate)^m)
+  at the rate alpha' of the equivalent plastic strain; needs a load path in time
+rate [1/time]: rate of the equivalent plastic strain at which the flow stress is twice that of slow
+  loading
+m [1] $m$: sensitivity of the overstress to the rate; small: nearly independent of time
 strain [1]: equivalent plastic strain at which 63 % of the rise is reached
 E_star [pressure] $E^*$: plane-strain modulus E / (1 - nu^2)
 
@@ -338,10 +343,11 @@ residual_depth [length] $h_r$: depth at which the force has become zero on the w
 side_force_x [force]: force on the tip along x; with friction, a slide, or a tilt and gap: current,
   if no mirror plane is normal to x; of a sliding tip with the force of the pressure on its slope
 side_force_y [force]: force on the tip along y, as side_force_x
-moment [force length] $M$: integral of pressure times distance from `center` along `tilt_towards`, >
-  0 where the tip leans to; with a tilt
-x_contact [length]: distance of the resultant force from `center` along `tilt_towards`,
-  moment/force; with a tilt
+moment [force length] $M$: integral of pressure times distance from the tip's axis along
+  `tilt_towards`, of an upright tip along its slide, > 0 if loaded more on that side; with a tilt or
+  a slide
+x_contact [length]: distance of the resultant force from the tip's axis, moment/force; with a tilt
+  or a slide
 force_error [force]: estimated error of the force: half-width of its interval
 a_error [length]: estimated error of the contact radius: half-width of its interval
 p_max_error [pressure]: estimated error of the largest pressure: half-width of its interval
@@ -354,7 +360,9 @@ stick_radius_error [length]: estimated error of the stick radius: half-width of 
 dissipation_error [energy]: estimated error of the dissipation: half-width of its interval; with
   friction
 moment_error [force length]: estimated error of the moment: half-width of its interval; with a tilt
-x_contact_error [length]: estimated error of x_contact: half-width of its interval; with a tilt
+  or a slide
+x_contact_error [length]: estimated error of x_contact: half-width of its interval; with a tilt or a
+  slide
 side_force_x_error [force]: estimated error of the side force: half-width of its interval
 side_force_y_error [force]: estimated error of the side force: half-width of its interval
 calibration_error [force]: uncertainty of the force from the calibration of the instrument; with a

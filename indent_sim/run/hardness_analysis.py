@@ -526,7 +526,7 @@ def _tip_modulus(
     curve: _TestCurve, options: HardnessOptions, pressure: _PressureUnit
 ) -> tuple[float | None, str]:
     """Return E_i* of the tip in units of the curve, and words; None if it is unknown."""
-    lens = curve.scene.indenter.lens if curve.scene else None
+    lens = curve.scene.indenter.elastic_part if curve.scene else None
     if options.tip is None and lens is not None:
         unit = curve.unit_of_scene("force") / curve.unit_of_scene("length") ** 2
         return lens.material.E_star * unit, "the soft tip of the scene"
@@ -770,7 +770,7 @@ def _truth(
         and material.flow is None
         and material.relaxation is None
     ):
-        lens = curve.scene.indenter.lens
+        lens = curve.scene.indenter.elastic_part
         tip_compliance = 1 / lens.material.E_star if lens else 0.0
         known["E_r"] = 1 / (1 / material.E_star + tip_compliance) / pressure.size
         known["E_IT"] = float(material.constants.E) / pressure.size

@@ -578,7 +578,7 @@ class SingleRun:
             return
         fields = gathered.items()  # empty except on rank 0
         values = {name: field * units.get(name, scales.pressure) for name, field in fields}
-        if lens := self.scene.physics.indenter.lens:
+        if lens := self.scene.physics.indenter.elastic_part:
             tip = self._drawn_tip_geometry()
             x = tip.points / scales.length
             r = np.abs(x[:, 0] - self.scene.physics.center[0])

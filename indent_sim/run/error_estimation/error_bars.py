@@ -372,14 +372,16 @@ class ErrorBars:
             / state.delta
         )
 
-    # ---- moment of a tilted tip
+    # ---- moment of a tip that is tilted or slides
 
     def _moment_errors(self, state: State, force_error: float) -> dict[str, Any]:
-        """Return the errors of moment and of `x_contact` under a tilted tip; {} without a tilt.
+        """Return the errors of moment and `x_contact` of a tip that is tilted or slides, else {}.
 
         The moment grows with a higher power of the contact radius than the force, so that its
         relative error is MOMENT_ERROR_RATIO times that of the force. It is at least the grid
         convergence index of the moment itself, and the effect of the error of the contact's ends.
+        The moment of a tip that slides changes its sign and has the error of its largest value; it
+        depends on the side force, whose load increments matter, too.
         """
         if state.moment is None or state.x_contact is None:
             return {}
@@ -394,12 +396,17 @@ class ErrorBars:
         end_element = self._sizes.surface_size(state.a / L) * L
         # If one end of the contact moves by its error, its middle moves by half of it.
         min_error = abs(state.force) * RADIUS_ERROR * end_element / 2
-        scaled = MOMENT_ERROR_RATIO[kind] * relative * abs(state.moment)
-        error = float(np.max([scaled, estimate, min_error]))
+        moment = abs(state.moment)
+        path_error = 0.0
+        if self._physics.slides:
+            moment = max(abs(row.moment or 0.0) for row in self._run_states.values())
+            path_error = self._step_error(state, "moment")
+        scaled = MOMENT_ERROR_RATIO[kind] * relative * moment
+        error = float(np.max([scaled, estimate, min_error])) + path_error
         if state.delta <= 0:
             error = 0.0
-        share = error / abs(state.moment) if state.moment else 0.0
-        return {"moment_error": error, "x_contact_error": share * abs(state.x_contact)}
+        place_error = error / abs(state.force) if state.force else 0.0
+        return {"moment_error": error, "x_contact_error": place_error}
 
     # ---- contact radius, pressure, stick radius, dissipation
 

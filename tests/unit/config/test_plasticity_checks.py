@@ -149,6 +149,23 @@ def test_commands_that_need_an_elastic_body_refuse_it() -> None:
         ForwardModel(config, ("material.E",), 0.5)
 
 
+def test_what_a_scene_warns_of() -> None:
+    """A path that ends before yield, by Hertz and von Mises, and elastic strains of a third."""
+    sphere = {"body": {"shape": "half_space"}, "indenter": {"shape": "sphere", "R": 1.0}}
+    onset = 6.41799 * (0.91 / 100.0) ** 2
+    shallow = resolve(
+        config_from_mapping(SCENE | sphere | {"loading": {"delta": 0.9 * onset, "steps": 5}})
+    )
+    (warning,) = [text for text in shallow.plan.warnings if "yield" in text]
+    assert "does not yield" in warning and f"{onset:.4g}" in warning
+    deep = resolve(
+        config_from_mapping(SCENE | sphere | {"loading": {"delta": 1.1 * onset, "steps": 5}})
+    )
+    assert not any("does not yield" in text for text in deep.plan.warnings)
+    soft = resolve(config_from_mapping(SCENE | {"material": METAL | {"E": 3.0}}))
+    assert any("E/yield_stress is 3" in text for text in soft.plan.warnings)
+
+
 @pytest.mark.parametrize("model", ["hencky", "linear_elastic"])
 def test_a_scene_that_yields(model: str) -> None:
     """It is solved on the whole mesh, depends on its path, and has its columns."""
