@@ -214,6 +214,11 @@ to [length] $x_i$: displacements to which the tip slides one after another, from
   pressed in; one number is a scratch
 slide.steps [1]: number of rows on each stretch of the slide
 along [degrees]: direction of the slide, from x: 0 (x) or 90 (y)
+loading.unload: the way back after the last depth or force
+unload.to [length]: depth at which unloading ends unless the tip lets go before; a force if forces
+  are prescribed; 0: where the force has become zero
+unload.rows [1]: number of rows of unloading
+loading.rows [1]: number of rows of unloading
 
 ## Drainage
 drainage: boundary conditions of the pore fluid, and its bath
@@ -333,6 +338,8 @@ hardness [pressure] $H$: force over contact area under load; with plasticity
 contact_area [area] $A$: contact area under load; with plasticity, in place of area
 unloading_stiffness [force/length] $S$: slope of the load curve if unloading began at this row; with
   plasticity, in place of stiffness
+residual_depth [length] $h_r$: depth at which the force has become zero on the way back; in the last
+  row, with loading.unload
 side_force_x [force]: force on the tip along x; with friction, a slide, or a tilt and gap: current,
   if no mirror plane is normal to x; of a sliding tip with the force of the pressure on its slope
 side_force_y [force]: force on the tip along y, as side_force_x
@@ -346,6 +353,8 @@ a_error [length]: estimated error of the contact radius: half-width of its inter
 p_max_error [pressure]: estimated error of the largest pressure: half-width of its interval
 delta_error [length]: estimated error of a depth that is computed for a force: half-width of its
   interval
+residual_depth_error [length]: estimated error of the residual depth: half-width of its interval;
+  with loading.unload
 stick_radius_error [length]: estimated error of the stick radius: half-width of its interval; with
   friction
 dissipation_error [energy]: estimated error of the dissipation: half-width of its interval; with

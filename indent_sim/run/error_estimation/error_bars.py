@@ -59,6 +59,10 @@ from indent_sim.run.error_estimation.error_budget import (
 )
 from indent_sim.run.error_estimation.film_error import FilmError
 from indent_sim.run.error_estimation.step_refinement import StepRefinement, value_difference
+from indent_sim.run.error_estimation.unloading_rows import (
+    depth_without_force,
+    force_on_way_back,
+)
 from indent_sim.scene.expected_error import FORCE_DEPTH_EXPONENT, edge_error
 from indent_sim.scene.measured_constants import (
     EDGE_ERROR,
@@ -174,6 +178,7 @@ class ErrorBars:
             state,
             force_error=budget.total,
             delta_error=self._depth_error(state, budget.total),
+            residual_depth_error=self._residual_depth_error(state),
             **errors,
             **self._moment_errors(state, budget.total),
         )
@@ -273,6 +278,10 @@ class ErrorBars:
         # Rows of a time-dependent scene cannot be interpolated in the depth: each has another time.
         if self._physics.is_time_dependent:
             return self._transient_force_difference(state, coarse_state)
+        unloading = self._physics.path.unloading
+        if unloading and step > unloading.start and self._physics.searches_unloading_depths:
+            coarse_force = force_on_way_back(coarse_states, unloading, state.delta)
+            return abs(coarse_force - state.force)
         return abs(interpolate_force(coarse_state, state.delta, coarse_states) - state.force)
 
     def _transient_force_difference(self, state: State, coarse_state: State) -> float:
@@ -488,6 +497,36 @@ class ErrorBars:
         order = 0.5 if name == "a" and self._physics.surface_tension else 1.0
         difference = value_difference(self._coarse_states, self._soft_states, step, name)
         return difference / (2**order - 1) / self._stiffness_ratio**order
+
+    def _residual_depth_error(self, state: State) -> float | None:
+        """Return the error of the residual depth [length]; NaN in rows without it.
+
+        None if the scene does not have it. The depth that the body recovers has at least the
+        relative error that the mesh causes in the force.
+        """
+        unloading = self._physics.path.unloading
+        if unloading is None or state.residual_depth is None:
+            return None
+        if state.residual_depth != state.residual_depth:
+            return nan
+        if not self._physics.yields:
+            return 0.0
+        coarse, own = (
+            depth_without_force(states, unloading)
+            for states in (self._coarse_states, self._run_states)
+        )
+        estimate = grid_convergence_index(
+            abs(coarse - own), self.coarser_run.ratio, ORDER_OF_CONVERGENCE
+        )
+        top = self._run_states.get(unloading.start)
+        if top is None or not top.force:
+            return nan
+        discretisation = self.budgets[unloading.start - 1].discretisation
+        min_error = discretisation / top.force * (top.delta - state.residual_depth)
+        path = self._step_refinement
+        return float(np.max([estimate, min_error])) + (
+            path.residual_depth_error(unloading) if path else 0.0
+        )
 
     # ---- a tip that slides
 
