@@ -232,10 +232,10 @@ def _section_sentence(part: Report) -> list[str]:
 
 
 def _largest_pull_lines(report: Report, units: Mapping[str, str]) -> list[str]:
-    """Return the line of the pull-off force, with the values predicted by theory.
+    """Return the line with the pull-off force and the values that theory predicts for it.
 
-    Without a search between rows it is the largest tensile force of a row. `units` maps force and
-    delta to their units.
+    If it was not searched for between the rows, the largest tensile force of a row is given
+    instead. `units` maps force and delta to their units.
     """
     largest_pull = report.get("largest_pull")
     if largest_pull is None:

@@ -22,8 +22,8 @@ TILT_COLUMNS = ("moment", "x_contact")
 SLIDE_COLUMNS = ("x",)
 # Columns of scenes with fluid in the pores.
 FLUID_COLUMNS = ("outflow", "pore_pressure_max")
-# Columns of scenes with a body that yields.
-PLASTIC_COLUMNS = ("plastic_dissipation", "hardness")
+# Columns of scenes with a body that yields, in whose tables DERIVED_COLUMNS are absent.
+PLASTIC_COLUMNS = ("plastic_dissipation", "hardness", "contact_area", "unloading_stiffness")
 # Columns of scenes with a soft tip.
 SOFT_TIP_COLUMNS = ("tip_sink", "tip_energy")
 # Columns of bodies that rest on a flat without a bond.
@@ -169,6 +169,10 @@ class State:
         Energy dissipated by plastic flow since the undeformed state [energy].
     hardness
         Force over contact area of a body that yields [pressure].
+    contact_area
+        Contact area of a body that yields [length^2].
+    unloading_stiffness
+        dF/ddelta of a body that yields, at the beginning of unloading [force/length].
     side_force_x, side_force_y
         Horizontal force on the tip, with friction, a tilt or a slide, along an axis to which no
         mirror plane is normal [force]. Of a sliding tip it includes the force of the pressure on
@@ -242,6 +246,8 @@ class State:
     dissipation: float | None = None
     plastic_dissipation: float | None = None
     hardness: float | None = None
+    contact_area: float | None = None
+    unloading_stiffness: float | None = None
     side_force_x: float | None = None
     side_force_y: float | None = None
     moment: float | None = None
@@ -371,8 +377,6 @@ def _field_units(scales: Scales) -> dict[str, float]:
     units |= dict.fromkeys(("outflow", "moved", "unbalanced"), energy / P)
     units |= dict.fromkeys(("p_max", "E_hertz", "hardness", "pore_pressure_max"), P)
     depths = {"delta": depth, "z": depth}
-    return (
-        units
-        | depths
-        | {"calibration_error": F, "stiffness": F / depth, "area": L ** (scales.dim - 1)}
-    )
+    units |= dict.fromkeys(("stiffness", "unloading_stiffness"), F / depth)
+    units |= dict.fromkeys(("area", "contact_area"), L ** (scales.dim - 1))
+    return units | depths | {"calibration_error": F}

@@ -142,13 +142,21 @@ exponent [1] $b$: exponent of the power law, between 0 (elastic) and 1 (a liquid
 time [time] $t_0$: time at which the modulus of the power law is `material.E`
 plasticity: von Mises yield with isotropic hardening, of a metal or a glass
 yield_stress [pressure] $\sigma_y$: yield stress in uniaxial tension before any plastic strain
-plasticity.n [1] $n$: exponent of power-law hardening, yield_stress (1 + E alpha/yield_stress)^n
-  with the equivalent plastic strain alpha
+hardening: growth of the yield stress with the equivalent plastic strain alpha, by one law
+hardening.n [1] $n$: exponent of power-law hardening, yield_stress (1 + E alpha/yield_stress)^n
+hardening.linear [pressure]: hardening modulus: the yield stress grows by linear alpha
+plasticity.n [1] $n$: short form of hardening: {n: ...}
+plasticity.linear [pressure]: short form of hardening: {linear: ...}
+plasticity.voce: short form of hardening: {voce: ...}
 material.n [1] $n$: exponent of power-law hardening
-plasticity.linear [pressure]: hardening modulus: the yield stress grows by linear alpha
 material.linear [pressure]: hardening modulus of plasticity
 voce: saturating hardening: the yield stress grows by rise (1 - exp(-alpha/strain))
 rise [pressure]: largest growth of the yield stress
+creep: plastic flow that depends on the rate: the flow stress is sigma(alpha) (1 + (alpha'/rate)^m)
+  at the rate alpha' of the equivalent plastic strain; needs a load path in time
+rate [1/time]: rate of the equivalent plastic strain at which the flow stress is twice that of slow
+  loading
+m [1] $m$: sensitivity of the overstress to the rate; small: nearly independent of time
 strain [1]: equivalent plastic strain at which 63 % of the rise is reached
 E_star [pressure] $E^*$: plane-strain modulus E / (1 - nu^2)
 
@@ -322,6 +330,9 @@ dissipation [energy]: energy dissipated by friction since the previous row; with
 plastic_dissipation [energy]: energy dissipated by plastic flow since the undeformed state; with
   plasticity
 hardness [pressure] $H$: force over contact area under load; with plasticity
+contact_area [area] $A$: contact area under load; with plasticity, in place of area
+unloading_stiffness [force/length] $S$: slope of the load curve if unloading began at this row; with
+  plasticity, in place of stiffness
 side_force_x [force]: force on the tip along x; with friction, a slide, or a tilt and gap: current,
   if no mirror plane is normal to x; of a sliding tip with the force of the pressure on its slope
 side_force_y [force]: force on the tip along y, as side_force_x

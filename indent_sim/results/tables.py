@@ -29,6 +29,7 @@ from indent_sim.model.state import (
     REACTION_COLUMNS,
     REACTION_PREFIX,
     SLIDE_COLUMNS,
+    STATE_COLUMNS,
     State,
     Surface,
 )
@@ -75,6 +76,21 @@ def _column_writers(
         _integer_text if name in INTEGER_COLUMNS else _cell_text for name in value_columns
     )
     return attrgetter(*value_columns), writers, columns[len(value_columns) :]
+
+
+def force_columns(scene_columns: Sequence[str]) -> tuple[str, ...]:
+    """Return all columns of the force table in order.
+
+    The table of a body that yields has a contact area and an unloading stiffness in place of
+    DERIVED_COLUMNS.
+
+    Parameters
+    ----------
+    scene_columns
+        Columns that not every scene has.
+    """
+    derived = () if "contact_area" in scene_columns else DERIVED_COLUMNS
+    return order_columns((*STATE_COLUMNS, *derived, *scene_columns))
 
 
 def order_columns(columns: Sequence[str]) -> tuple[str, ...]:

@@ -756,11 +756,11 @@ def _truth(
     assert curve.results is not None
     table = curve.results.table
     row = int(np.argmax(table["force"]))
-    known = {"A_p": float(table["area"][row]) if "area" in table else nan}
+    known = {"A_p": _entry(table, row, "contact_area", "area")}
     known["H_IT"] = (
         float(table["force"][row]) / known["A_p"] / pressure.size if known["A_p"] > 0 else nan
     )
-    known["S"] = float(table["stiffness"][row]) if "stiffness" in table else nan
+    known["S"] = _entry(table, row, "unloading_stiffness", "stiffness")
     material = _material_below_tip(curve.scene)
     # A material that drains, relaxes or swells has no single modulus.
     if (
@@ -779,6 +779,11 @@ def _truth(
         for name, true in known.items()
         if isfinite(true) and true > 0 and (value := values[name]) is not None
     }
+
+
+def _entry(table: Mapping[str, np.ndarray], row: int, *columns: str) -> float:
+    """Return the entry of a row in the first of these columns that the table has; NaN if none."""
+    return next((float(table[name][row]) for name in columns if name in table), nan)
 
 
 def _pressure_unit(curve: _TestCurve) -> _PressureUnit:

@@ -325,7 +325,7 @@ def _check_side_force(scene: Scene, state: State, earlier: PreviousRows) -> str 
 
 
 def _check_against_theory(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
-    """Check that F/F_theory is in its admissible range, and exact theory within the error bar."""
+    """Check that F/F_theory is in its admissible range, for exact theory that of the error bar."""
     theory = scene.plan.theory
     scales = scene.physics.scales
     solution = scene.theory_solution(state.delta / scales.depth)
@@ -461,6 +461,7 @@ ELASTIC_RULES: Rules = (
     _check_contact_found,
     _check_energy,
     _check_against_theory,
+    _check_force_follows_depth,
 )
 
 # Rules that hold only for a body that yields.

@@ -42,10 +42,10 @@ def published_comparison(scene: Scene, states: Sequence[State]) -> dict[str, Any
     name = "delta" if is_forced else "force"
     deviation = {f"{name}_deviation": getattr(deepest, name) / numbers[name] - 1}
     stiffness = contact.published_stiffness()
-    if stiffness is not None and deepest.stiffness:
+    if stiffness is not None and deepest.unloading_stiffness:
         value = stiffness * deepest.delta / D * F / D
         numbers["stiffness"] = value
-        deviation["stiffness_deviation"] = deepest.stiffness / value - 1
+        deviation["stiffness_deviation"] = deepest.unloading_stiffness / value - 1
     points = 20
     depths = [depth * k / points for k in range(1, points + 1)]
     curve = {

@@ -296,9 +296,14 @@ def time_steps(setup: ProblemSetup, physics: ProblemDefinition, sizes: Sizes) ->
         reasons.append(
             f"the shear modulus relaxes in times of {min(relaxing):.3g} to {max(relaxing):.3g}"
         )
-    method = (
-        "SDIRK2" if physics.permeable_regions else "exact integration of the Prony exponentials"
-    )
+    creeps = any(region.material.creeps for region in physics.domain.regions)
+    if creeps:
+        reasons.append("the body creeps: a hundredth of the shortest segment of the history")
+        method = "backward Euler"
+    elif physics.permeable_regions:
+        method = "SDIRK2"
+    else:
+        method = "exact integration of the Prony exponentials"
     reasons.append(
         f"in every segment of the history {setup.steps_per_doubling} steps of this length, then as "
         f"many of twice the length, and so on; time integration: {method}"

@@ -172,9 +172,9 @@ class LoadStepper:
 
     @property
     def points(self) -> list[tuple[float, float, list[np.ndarray]]]:
-        """Depth, time and packed arrays of the last equilibria, which a checkpoint stores.
+        """Depth, time and packed state arrays of the last equilibria, as stored in a checkpoint.
 
-        For a path-dependent body they end with the equilibrium of the last row.
+        For a path-dependent body the last of them is that of the last row of the results.
         """
         points = self._row_points if self._has_memory else self._points
         packed = [
@@ -625,7 +625,7 @@ class LoadStepper:
         """Return the load point before the target at which the tip begins to act on the body.
 
         It is first contact, or for an adhesive tip the depth at which the attraction begins. None
-        if this depth is not passed, or if time passes before the target.
+        if this depth is not passed, or if the target is at a later time than the present state.
         """
         attraction_depth = self._start_point.delta
         last_depth = self._last_point.delta

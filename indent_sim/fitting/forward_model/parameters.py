@@ -143,11 +143,14 @@ def number_at(config: Config, key: str) -> float:
             raise ConfigError(
                 key,
                 "is not a number of the scene",
-                f"--vary needs a number of the scene; add it by --set {key}=...",
+                "--vary needs a key of the scene whose value is a number; add it by --set "
+                f"{key}=...",
             ) from None
     if isinstance(section, bool) or not isinstance(section, int | float):
         raise ConfigError(
-            key, f"is {section!r}, not a number", "--vary needs a number of the scene"
+            key,
+            f"is {section!r}, not a number",
+            "--vary needs a key of the scene whose value is a number",
         )
     return float(section)
 
