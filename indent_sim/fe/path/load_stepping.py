@@ -120,8 +120,9 @@ class LoadStepper:
         always_tried_step = inf
         if scene.physics.gap == "current":
             # The gap at the deformed point is nonlinear in u, so that a longer increment may end in
-            # another solution.
-            longest_step = 0.25 * scene.plan.prediction["a"] / scene.physics.scales.length
+            # another solution. In a body that yields long increments also make the force too small.
+            fraction = 0.14 if scene.physics.yields else 0.25
+            longest_step = fraction * scene.plan.prediction["a"] / scene.physics.scales.length
         if self._adhesion_range:
             longest_step = min(longest_step, LONGEST_STEP_RANGES * self._adhesion_range)
             always_tried_step = SNAP_STEP_RANGES / 4 * self._adhesion_range
