@@ -20,11 +20,8 @@ from indent_sim.fitting.curve_fit import (
     format_interval,
     relative_calibration_error,
 )
-from indent_sim.fitting.forward_model.forward_model import (
-    ForwardModel,
-    ForwardModelCache,
-    relaxation_of,
-)
+from indent_sim.fitting.forward_model.forward_model import ForwardModel, relaxation_of
+from indent_sim.fitting.forward_model.forward_model_cache import ForwardModelCache
 from indent_sim.fitting.forward_model.measured_path_forces import (
     MeasuredPath,
     needs_time_stepping,

@@ -28,7 +28,7 @@ from indent_sim.fitting.curve_fit import (
     rejected_fit,
     request_identity,
 )
-from indent_sim.fitting.forward_model.forward_model import ForwardModelCache
+from indent_sim.fitting.forward_model.forward_model_cache import ForwardModelCache
 from indent_sim.fitting.forward_model.parameters import number_at
 from indent_sim.fitting.inference.model_assessment import Interval
 from indent_sim.process.child_process import ChildProcess, ProcessCrash, run_calls
