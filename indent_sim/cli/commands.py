@@ -531,7 +531,7 @@ def fit(
     overrides: tuple[str, ...],
     **options: Any,
 ) -> None:
-    """Fit keys of a scene to measured curves. Prints the folder.
+    """Fit parameters of a scene to measured curves, and print the result folder.
 
     Curves are text tables of any kind, or AFM files.
 
@@ -926,7 +926,7 @@ def compare(
 @click.option(
     "--steps",
     callback=parse_words,
-    help="Steps, separated by commas, or last or all [that of the largest force].",
+    help="Steps separated by commas, or last, or all [default: the step of the largest force].",
 )
 @click.option(
     "--units",

@@ -15,7 +15,11 @@ from indent_sim.config.quantities import dimension_of_key, pressure_keys, si_fac
 from indent_sim.config.scene_file import config_from_mapping, to_mapping
 from indent_sim.config.schema import Config
 from indent_sim.config.strict_yaml import key_path
-from indent_sim.fitting.forward_model.cone_loop import yields
+from indent_sim.fitting.forward_model.cone_loop import (
+    HARDENING_KEY,
+    YIELD_STRESS_KEY,
+    yields,
+)
 from indent_sim.fitting.forward_model.elastic_load_curve import (
     elastic_config,
     plan_elastic_run,
@@ -930,6 +934,7 @@ def _summary(assessment: ModelAssessment, config: Config) -> str:
         _parameter_sentence(assessment, k, config)
         for k in range(assessment.estimate.model.coordinate_count)
     ]
+    sentences += [tied] if (tied := _hardening_sentence(assessment.estimate)) else []
     if assessment.is_adequate:
         return " ".join([*sentences, "Nothing in the curve contradicts the scene."])
     better_names = ", ".join(model.name for model in assessment.better_models)
@@ -940,6 +945,21 @@ def _summary(assessment: ModelAssessment, config: Config) -> str:
         alternative = "none of the alternative models does."
     return " ".join(
         [*sentences, f"The scene does not explain the curve; {alternative}".rstrip("; ")]
+    )
+
+
+def _hardening_sentence(estimate: Estimate) -> str:
+    """Return a sentence if one loop does not tell the yield stress from hardening, else ""."""
+    keys = estimate.model.forward_model.varied_keys
+    if not {YIELD_STRESS_KEY, HARDENING_KEY} <= set(keys):
+        return ""
+    pair = [keys.index(YIELD_STRESS_KEY), keys.index(HARDENING_KEY)]
+    covariance = estimate.uncertainty.covariance[np.ix_(pair, pair)]
+    scale = math.sqrt(covariance[0, 0] * covariance[1, 1])
+    correlation = float(covariance[0, 1]) / scale if scale > 0 else -1.0
+    return (
+        "One cone does not determine yield_stress and n separately (correlation "
+        f"{correlation:.3f}): a loop with another half angle, or of a sphere, does."
     )
 
 

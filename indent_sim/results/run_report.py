@@ -161,8 +161,9 @@ def _theory_sentences(results: Results) -> list[str]:
             f"History solved by {time.get('method', 'its elastic curve')}: {time.get('why', '')}."
         )
         return [method_sentence, *([f"{words[:1].upper()}{words[1:]}."] if words else [])]
+    onset_sentences = _onset_sentences(results)
     if not theory:
-        return ["There is no reference theory for this scene."]
+        return [*onset_sentences, "There is no reference theory for this scene."]
     computed = "delta" if "delta_deviation" in theory else "force"
     unit = _unit_text(results, {"delta": "length", "force": "force"}[computed])
     lines = []
@@ -174,6 +175,11 @@ def _theory_sentences(results: Results) -> list[str]:
         lines.append(
             f"{theory['name']}: {computed} {theory[computed]:.5g} {unit}; {deviation_text}."
         )
+    if "stiffness_deviation" in theory:
+        lines.append(
+            f"{theory['name']}: unloading stiffness {theory['stiffness']:.5g}; this run "
+            f"{theory['stiffness_deviation']:+.2%}."
+        )
     for formula in filter(None, [theory.get("half_space"), *theory.get("formulas", [])]):
         deviation_text = (
             f"{abs(formula['deviation']):.1%} "
@@ -182,7 +188,18 @@ def _theory_sentences(results: Results) -> list[str]:
         lines.append(
             f"{formula['name']}: {computed} {formula[computed]:.5g} {unit}, {deviation_text}."
         )
-    return lines
+    return onset_sentences + lines
+
+
+def _onset_sentences(results: Results) -> list[str]:
+    """Return a sentence on the depth from which a body yields; empty if it is not known."""
+    onset = _report_section(results.report, "onset_of_yield")
+    if not onset or onset["delta"] == 0:
+        return []
+    depth = f"{onset['delta']:.4g} {_unit_text(results, 'length')}".rstrip()
+    force = f"{onset['force']:.4g} {_unit_text(results, 'force')}".rstrip()
+    outcome = "this run has yielded" if onset["passed"] else "this run is elastic"
+    return [f"Onset of yield (Hertz and von Mises): depth {depth}, force {force}; {outcome}."]
 
 
 def _no_slip_sentences(report: Report) -> list[str]:

@@ -539,7 +539,7 @@ def _tip_modulus(
     curve: _TestCurve, options: HardnessOptions, pressure: _PressureUnit
 ) -> tuple[float | None, str]:
     """Return E_i* of the tip in units of the curve, and words; None if it is unknown."""
-    lens = curve.scene.indenter.lens if curve.scene else None
+    lens = curve.scene.indenter.elastic_part if curve.scene else None
     if options.tip is None and lens is not None:
         unit = curve.unit_of_scene("force") / curve.unit_of_scene("length") ** 2
         return lens.material.E_star * unit, "the soft tip of the scene"
@@ -810,11 +810,11 @@ def _truth(
     assert curve.results is not None
     table = curve.results.table
     row = int(np.argmax(table["force"]))
-    known = {"A_p": float(table["area"][row]) if "area" in table else nan}
+    known = {"A_p": _entry(table, row, "contact_area", "area")}
     known["H_IT"] = (
         float(table["force"][row]) / known["A_p"] / pressure.size if known["A_p"] > 0 else nan
     )
-    known["S"] = float(table["stiffness"][row]) if "stiffness" in table else nan
+    known["S"] = _entry(table, row, "unloading_stiffness", "stiffness")
     material = _material_below_tip(curve.scene)
     # A material that drains, relaxes or swells has no single modulus.
     if (
@@ -824,7 +824,7 @@ def _truth(
         and material.flow is None
         and material.relaxation is None
     ):
-        lens = curve.scene.indenter.lens
+        lens = curve.scene.indenter.elastic_part
         tip_compliance = 1 / lens.material.E_star if lens else 0.0
         known["E_r"] = 1 / (1 / material.E_star + tip_compliance) / pressure.size
         known["E_IT"] = float(material.constants.E) / pressure.size
@@ -833,6 +833,11 @@ def _truth(
         for name, true in known.items()
         if isfinite(true) and true > 0 and (value := values[name]) is not None
     }
+
+
+def _entry(table: Mapping[str, np.ndarray], row: int, *columns: str) -> float:
+    """Return the entry of a row in the first of these columns that the table has; NaN if none."""
+    return next((float(table[name][row]) for name in columns if name in table), nan)
 
 
 def _has_units(units: Mapping[str, str]) -> bool:

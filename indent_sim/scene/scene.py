@@ -59,6 +59,7 @@ if TYPE_CHECKING:
     from indent_sim.config.schema import Config
 
 FRICTION_WHY = "the surface has friction, but the theory has none"
+YIELD_WHY = "the body yields, but the theory is elastic"
 
 
 @dataclass(frozen=True)
@@ -215,7 +216,7 @@ class Scene:
                 not physics.small_strain and not is_finite,
                 "strains are finite, but the theory is for small strain",
             ),
-            (physics.yields, "the body yields, but the theory is elastic"),
+            (physics.yields, YIELD_WHY),
             (physics.has_friction, FRICTION_WHY),
             (physics.slides, "the tip slides, but the theory has no sideways motion"),
             (
@@ -427,7 +428,8 @@ def _meshed_scene(config: Config, setup: ProblemSetup, per_radius: float | None)
         *choices.model_choices(setup),
         *choices.formulations(setup),
     )
-    tip_scene = resolve(soft_tip_config(config, setup, sizes)) if physics.indenter.lens else None
+    is_soft = physics.indenter.elastic_part is not None
+    tip_scene = resolve(soft_tip_config(config, setup, sizes)) if is_soft else None
     contact_decisions = (
         *(soft_tip_choices(setup, tip_scene.physics.domain) if tip_scene else ()),
         gap_choice,
@@ -479,6 +481,7 @@ def _meshed_scene(config: Config, setup: ProblemSetup, per_radius: float | None)
         adhesion,
         setup.jkr,
         time,
+        setup.yielding,
     )
     plan = Plan(config.title, config.units, *plan_parts)
     settings = replace(

@@ -196,8 +196,8 @@ class LoadControl:
     ) -> bool:
         """Return whether no further trial depth can succeed.
 
-        `failure` then contains the reason. It is empty if a trial depth has no equilibrium: the
-        equilibrium has its own reason.
+        `failure` then contains the reason. It stays empty if the solution at a trial depth failed,
+        since the solver reports that reason itself.
         """
         reached_force, reached_depth = last_point
         is_blocked_out = (

@@ -33,7 +33,7 @@ from indent_sim.fe.path.pull_off import (
 from indent_sim.fe.path.step_size_control import StepSizeControl
 from indent_sim.fe.postprocessing.contact_sample import smallest_gap
 from indent_sim.fe.postprocessing.surface_table import surface_table
-from indent_sim.model.load_path import LoadPath
+from indent_sim.model.load_path import LoadPath, Unloading
 from indent_sim.model.state import PullOff, State
 
 # Largest number of halvings of a time step in which the depth of a prescribed force is not found.
@@ -171,9 +171,9 @@ class LoadStepper:
 
     @property
     def points(self) -> list[tuple[float, float, list[np.ndarray]]]:
-        """Depth, time and packed arrays of the last equilibria, which a checkpoint stores.
+        """Depth, time and packed state arrays of the last equilibria, as stored in a checkpoint.
 
-        For a path-dependent body they end with the equilibrium of the last row.
+        For a path-dependent body the last of them is that of the last row of the results.
         """
         points = self._row_points if self._has_memory else self._points
         packed = [
@@ -409,11 +409,17 @@ class LoadStepper:
             if self._adhesion_range:
                 self._search_points = self._points
                 self._load_control.measure_pull_at_contact()
+        depths = list(path.values[:done])
+        unloading = path.unloading
+        if unloading and not body.scene.physics.searches_unloading_depths:
+            unloading = None
         for step, value in enumerate(path.values[done:], start=done + 1):
             statistics_before = body.statistics
             substeps = 0
             slide = path.slide(step)
-            for depth, t in path.segment(step):
+            if unloading and step > unloading.start:
+                substeps = self._step_back(unloading, step, depths)
+            for depth, t in () if unloading and step > unloading.start else path.segment(step):
                 if substeps:  # the last equilibrium is a load point between two rows
                     self._record_unloading_point()
                 segment_substeps = (
@@ -453,7 +459,88 @@ class LoadStepper:
                 values["x"] = slide
             if path.times:
                 values |= {"t": path.times[step - 1], "branch": path.branches[step - 1]}
-            yield State(step=step, delta=self._last_point.delta, surface=surface, **values)
+            depths.append(self._last_point.delta)
+            yield State(step=step, delta=depths[-1], surface=surface, **values)
+
+    def _step_back(self, unloading: Unloading, step: int, depths: Sequence[float]) -> int:
+        """Step to the next row of unloading of a body that yields; return the increments made.
+
+        The rows divide the depth that the body recovers into equal parts. This depth is searched
+        for before the first row, and again before the last one, since the reverse flow of the rows
+        between them changes it. If the tip has let go before, the remaining rows are placed anew.
+
+        Parameters
+        ----------
+        unloading
+            The rows of unloading.
+        step
+            Number of the row, from 1.
+        depths
+            Depths of the earlier rows [length].
+
+        Returns
+        -------
+        int
+            0 if the row was not reached.
+        """
+        rows_left = unloading.last - step + 1
+        row_depth = self._last_point.delta
+        end = (
+            self._end_of_unloading(unloading.to)
+            if rows_left in (1, unloading.rows)
+            else row_depth - rows_left * (depths[-2] - row_depth)
+        )
+        substeps = 0
+        # The rows are placed once more where the tip has let go too early.
+        for _ in range(2):
+            if end is None:
+                return 0
+            substeps = self._step_to(LoadPoint(row_depth - (row_depth - end) / rows_left))
+            if not substeps or rows_left == 1 or self.equilibrium.force > 0:
+                break
+            self._return_to(self._row_points)
+            end = self._end_of_unloading(unloading.to)
+        return substeps
+
+    def _end_of_unloading(self, to: float) -> float | None:
+        """Return the depth at which unloading from the last row ends; None if it is not found.
+
+        The tip is lifted until it lets go of the body. Since the body then is at rest, the depth at
+        which the force has become zero is that of the tip plus the smallest gap. Afterwards the
+        body is returned to the last row.
+
+        Parameters
+        ----------
+        to
+            Depth at which unloading ends at the latest [length].
+        """
+        self._accept_pending()
+        row_points = self._points
+        physics = self.equilibrium.scene.physics
+        depth = self._last_point.delta
+        lift_factor = 1.0
+        while self.equilibrium.force > 0 and depth > to:
+            # An elastic contact of the stiffness S = 2 E* a recovers at most 2 F/S.
+            a = float(self.equilibrium.state_values()["a"])
+            stiffness = physics.material.E_star * a ** (physics.scales.dim - 2)
+            depth = max(to, depth - lift_factor * self.equilibrium.force / stiffness)
+            lift_factor *= 2
+            if not self._step_to(LoadPoint(depth)):
+                self._return_to(row_points)
+                return None
+        # The tip stops just above the body, so that the force is zero.
+        gap_fraction = 1 - 1e-9
+        end = to
+        if self.equilibrium.force <= 0:
+            end = max(to, depth + gap_fraction * smallest_gap(self.equilibrium.observed_body))
+        self._return_to(row_points)
+        return end
+
+    def _return_to(self, points: list[EquilibriumPoint]) -> None:
+        """Return to the last one of these equilibria, without a trace of later increments."""
+        self._points = points
+        self._pending_point = None
+        self.restore_last()
 
     def _step_to_force(
         self,
@@ -549,9 +636,7 @@ class LoadStepper:
         For a path-dependent body the stepping starts at the last row.
         """
         if self._has_memory:
-            self._points = self._search_points
-            self._pending_point = None
-            self.restore_last()
+            self._return_to(self._search_points)
         self._substeps += self._step_to(LoadPoint(delta, self._search_time, self._search_slide))
         return self._force_and_depth
 
@@ -624,7 +709,7 @@ class LoadStepper:
         """Return the load point before the target at which the tip begins to act on the body.
 
         It is first contact, or for an adhesive tip the depth at which the attraction begins. None
-        if this depth is not passed, or if time passes before the target.
+        if this depth is not passed, or if the target is at a later time than the present state.
         """
         attraction_depth = self._start_point.delta
         last_depth = self._last_point.delta

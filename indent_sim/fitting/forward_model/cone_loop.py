@@ -38,7 +38,7 @@ from indent_sim.run.pipeline import states
 from indent_sim.run.planned_run import PlannedRun
 
 YIELD_STRESS_KEY = "material.plasticity.yield_stress"
-HARDENING_KEY = "material.plasticity.n"
+HARDENING_KEY = "material.plasticity.hardening.n"
 LOOP_KEYS = ("material.E", YIELD_STRESS_KEY, HARDENING_KEY)
 # Range of E/yield_stress: below, elastic strains are too large for a metal, above, the first rows
 # are the hardest to solve.
@@ -100,6 +100,12 @@ class ConeLoop:
         y = np.where(xi < 0, 1.0 - xi, np.maximum(y, 0.0))
         return np.asarray(E * self.curvature * h_max**2 * y)
 
+    def depths_of(self, fractions: np.ndarray, h_max: float) -> np.ndarray:
+        """Return the depths (n,) of unloading from h_max at fractions (n,) of the largest force."""
+        depths = h_max * (1.0 - np.linspace(0.0, 1.0, 500) * self.recovery / self.stiffness)
+        forces = self.unloading(1.0, depths, h_max)
+        return np.interp(fractions, forces[::-1] / forces[0], depths[::-1])
+
     @property
     def packed(self) -> np.ndarray:
         """Numbers that are interpolated between loops, smooth in ln(E/yield_stress)."""
@@ -132,9 +138,9 @@ def metal_of(config: Config) -> Metal:
     """Return the constants of a scene's material, which must yield."""
     law = config.material
     assert law is not None and law.plasticity is not None
-    return Metal(
-        float(law.constants.E), float(law.plasticity.yield_stress), float(law.plasticity.n or 0.0)
-    )
+    hardening = law.plasticity.hardening
+    n = float(hardening.n or 0.0) if hardening else 0.0
+    return Metal(float(law.constants.E), float(law.plasticity.yield_stress), n)
 
 
 PACKED_SIZE = 3 + len(RECOVERY_FRACTIONS) + 2
@@ -156,7 +162,10 @@ def refuse_other_scenes(config: Config, varied_keys: tuple[str, ...]) -> None:
         remedy = "for a Berkovich or Vickers tip give a cone with half_angle 70.3 or 70.2996"
     elif config.tilt or config.contact.path_key:
         problem = "a fit of a body that yields needs an upright tip without friction or adhesion"
-    elif any(set(law.hardening_laws) - {"n"} for law in plasticities):
+    elif any(law.creep for law in plasticities):
+        problem = "a fit of a body that yields needs a flow stress that does not depend on the rate"
+        remedy = "leave creep out"
+    elif any(law.hardening and law.hardening.n is None for law in plasticities):
         problem = "a fit of a body that yields needs perfect plasticity or the power law n"
     if problem:
         raise ConfigError(f"{yielding_key}.plasticity", problem, remedy)
@@ -246,7 +255,8 @@ def solve_cone_loop(config: Config, depth: float) -> ConeLoop:
         raise ForwardModelUnavailable(
             f"the loop of the scene failed: {rows[-1].reason if rows else 'no row'}"
         )
-    h, F, S = np.array([(row.delta, row.force, row.stiffness) for row in rows], dtype=float).T
+    columns = [(row.delta, row.force, row.unloading_stiffness) for row in rows]
+    h, F, S = np.array(columns, dtype=float).T
     return loop_of_rows(h, F, S, metal_of(config).E)
 
 

@@ -186,7 +186,7 @@ class ForwardModel:
 
     @property
     def effects(self) -> set[str]:
-        """Effects of the scene that an alternative model could add: adhesion, relaxation."""
+        """Effects that the scene has and an alternative model could add: adhesion, relaxation."""
         has_effect = {"adhesion": self.has_adhesion, "relaxation": self.is_time_dependent}
         return {name for name, is_present in has_effect.items() if is_present}
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from indent_sim.config.scene_file import to_yaml
+from indent_sim.config.scene_file import to_mapping, to_yaml
 from indent_sim.config.schema import Config
 from indent_sim.fitting.forward_model.cone_loop import yields
 from indent_sim.fitting.forward_model.elastic_load_curve import plan_elastic_run
@@ -44,7 +44,10 @@ class ForwardModelCache:
             is_self_similar(config) and not config.instrument.adhesion and measured_path is None
         )
         solved_depth = 0.0 if has_one_solution else max_depth
-        cache_key = to_yaml(config), keys, solved_depth, measured_path
+        # A loop is run to its own depths and back, whatever the loading of the scene is.
+        document = {key: part for key, part in to_mapping(config).items() if key != "loading"}
+        scene = str(document) if yields(config) else to_yaml(config)
+        cache_key = scene, keys, solved_depth, measured_path
         if cache_key not in self._models:
             max_models = 100
             if len(self._models) >= max_models:

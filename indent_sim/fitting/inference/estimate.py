@@ -468,9 +468,9 @@ def estimate_parameters(model: CurveModel, initial_p: np.ndarray) -> Estimate:
 def _mean_over_noise(model: CurveModel, ordinary_p: np.ndarray) -> Estimate:
     """Return the estimate whose parameters are the mean over all noise models.
 
-    The mean is approached from ordinary least squares, by one step, as far as the residuals allow:
-    a noise with a long correlation time hides a systematic misfit. A fraction t of the step raises
-    the sum of squares by the factor 1 + kappa t^2.
+    The estimate moves from that of ordinary least squares towards the mean, by a fraction t <= 1 of
+    the difference. This multiplies the sum of squares by 1 + kappa t^2, which limits t, since a
+    noise model with a long correlation time could otherwise hide a systematic misfit.
     """
     uncertainty = uncertainty_at(model, ordinary_p)
     if not uncertainty.step.any():
