@@ -541,7 +541,10 @@ class ErrorBars:
             return 0.0
         deltas = (0.0, *self._physics.deltas)
         depth = deltas[state.step]
-        increment = depth - deltas[state.step - 1]
+        turns = self._physics.path.turns
+        is_divided = turns and turns[state.step - 1] and not self._physics.path.times
+        previous_depth = turns[state.step - 1][-1] if is_divided else deltas[state.step - 1]
+        increment = depth - previous_depth
         if increment <= 0 or depth <= 0:
             return 0.0
         return MAX_YIELD_INCREMENT_ERROR * min(increment / depth, 1.0) * abs(state.force)

@@ -1,0 +1,58 @@
+"""Load increments of a body that yields for a requested accuracy.
+
+The force of backward Euler is too small in first order in the increments, relative to the depth
+(`YIELD_INCREMENT_ERROR`). Between two rows the depth therefore grows by a constant factor.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from math import ceil, log1p, sqrt
+
+import numpy as np
+
+from indent_sim.model.load_path import LoadPath
+
+# Increment relative to the depth, divided by the requested accuracy. The error estimate of the
+# increments is then half of the accuracy or less.
+INCREMENT_PER_ACCURACY = 1.0
+# Largest number of increments: about an hour on a small mesh.
+MAX_INCREMENTS = 20000
+
+
+def with_yield_increments(path: LoadPath, target: float) -> LoadPath:
+    """Return a path of depths with short increments between its rows.
+
+    Parameters
+    ----------
+    path : LoadPath
+        The prescribed depths.
+    target : float
+        Requested relative error of the force.
+    """
+    # The force of a first increment is too small by up to a quarter of itself, but it is `target`
+    # times that of the first row.
+    first = next((value for value in path.values if value > 0), 0.0)
+    start = sqrt(target) * first
+    turns = tuple(
+        tuple(_points_between(before, after, start, INCREMENT_PER_ACCURACY * target))
+        for before, after in pairwise((0.0, *path.values))
+    )
+    return LoadPath(path.control, path.values, turns=turns)
+
+
+def increment_count(path: LoadPath) -> int:
+    """Return the number of increments of a path."""
+    return len(path.values) + sum(map(len, path.turns))
+
+
+def _points_between(before: float, after: float, start: float, fraction: float) -> list[float]:
+    """Return depths between two rows, whose increments are at most a fraction of the depth."""
+    low, high = sorted((before, after))
+    low = max(low, start)
+    if high <= low:
+        return []
+    count = ceil(log1p((high - low) / low) / log1p(fraction))
+    depths = [float(depth) for depth in np.geomspace(low, high, count + 1)[:-1]]
+    inner = [depth for depth in depths if min(before, after) < depth < max(before, after)]
+    return inner if after > before else inner[::-1]
