@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from indent_sim.run.pipeline import Outcome
     from indent_sim.run.planned_run import PlannedRun
     from indent_sim.run.single_run import Progress
+    from indent_sim.run.tip_calibration import TipCalibration
     from indent_sim.run.work_and_loops import HysteresisLoop
     from indent_sim.studies.study_plan import StudyPlan
 
@@ -456,6 +457,26 @@ def hardness_text(result: Hardness) -> str:
         ]
         lines += ["", _align_columns(truth_rows, "<")]
     return "\n".join(lines)
+
+
+def calibration_text(calibration: TipCalibration) -> str:
+    """Return depths and areas of the curves of a calibration as a table, and the assumptions."""
+    unit = calibration.unit
+    rows = [["curve", f"h_c [{unit}]", f"A_p [{unit}^2]", "function/A_p"]]
+    rows += [
+        [name, f"{h:.5g}", f"{A:.5g}", f"{fitted / A:.4f}"]
+        for name, h, A, fitted in zip(
+            calibration.curves, calibration.h_c, calibration.A_p, calibration.fitted, strict=True
+        )
+    ]
+    return "\n".join(
+        [
+            _align_columns(rows, "<"),
+            "",
+            f"A_p = {calibration.formula}, with a scatter of {calibration.scatter:.2%}",
+            *(f"{name}: {words}" for name, words in calibration.assumptions.items()),
+        ]
+    )
 
 
 def _number_with_error(value: float, error: float | None) -> str:

@@ -30,6 +30,7 @@ from indent_sim.model.state import (
     REACTION_PREFIX,
     SLIDE_COLUMNS,
     STATE_COLUMNS,
+    UNLOADING_COLUMNS,
     State,
     Surface,
 )
@@ -44,7 +45,7 @@ INTEGER_COLUMNS = ("step", "newton_iterations", *KRYLOV_COLUMNS)
 # Columns that may be empty in histories, because a solution on the elastic curve of a body need not
 # give them.
 UNKNOWN_IN_TIME = ("delta", "z", "a", "penetration", "energy", "calibration_error")
-MAY_BE_EMPTY = {"p_max", *DERIVED_COLUMNS, *PLASTIC_COLUMNS, *ERROR_COLUMNS}
+MAY_BE_EMPTY = {"p_max", *DERIVED_COLUMNS, *PLASTIC_COLUMNS, *UNLOADING_COLUMNS, *ERROR_COLUMNS}
 # Columns of the surface table that may be empty: theory gives no u_x, the pressure below a sharp
 # apex or edge is infinite, and beyond the end of a tip there is no gap.
 SURFACE_MAY_BE_EMPTY = ("u_x", "pressure", "gap")

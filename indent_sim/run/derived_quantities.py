@@ -68,6 +68,8 @@ class DerivedQuantities:
         else:
             E_hertz = self._optional_output("E_hertz", lambda: self._hertz_modulus(state), nan)
             values = {"stiffness": stiffness, "area": area, "E_hertz": E_hertz}
+        if self.scene.physics.path.unloading:
+            values["residual_depth"] = self._residual_depth(state)
         if state.krylov_iterations is not None:
             values["krylov_iterations"] = (
                 state.krylov_iterations + self._krylov_iterations - krylov_before
@@ -90,6 +92,17 @@ class DerivedQuantities:
             return nan
         (force,) = hertz_forces(self.scene, [state.delta]) if state.force > 0 else [None]
         return physics.material.constants.E * state.force / force if force else nan
+
+    def _residual_depth(self, state: State) -> float:
+        """Return the depth of the last row of unloading if its force is zero [length], else NaN."""
+        physics = self.scene.physics
+        assert physics.path.unloading
+        # Round-off of the force, relative to that of a contact with a strain of about 1.
+        force_roundoff = 1e-12
+        a = self.scene.plan.prediction["a"] / physics.scales.length
+        largest_force = physics.contact_modulus * a ** (physics.scales.dim - 1)
+        has_let_go = state.force <= force_roundoff * largest_force
+        return state.delta if has_let_go and state.step == physics.path.unloading.last else nan
 
     def _stiffness(self, state: State) -> float:
         """Return dF/ddelta at the state; NaN if it depends on the direction or rate of loading."""

@@ -428,7 +428,8 @@ def _meshed_scene(config: Config, setup: ProblemSetup, per_radius: float | None)
         *choices.model_choices(setup),
         *choices.formulations(setup),
     )
-    tip_scene = resolve(soft_tip_config(config, setup, sizes)) if physics.indenter.lens else None
+    is_soft = physics.indenter.elastic_part is not None
+    tip_scene = resolve(soft_tip_config(config, setup, sizes)) if is_soft else None
     contact_decisions = (
         *(soft_tip_choices(setup, tip_scene.physics.domain) if tip_scene else ()),
         gap_choice,

@@ -6,6 +6,7 @@ The force of backward Euler is too small in first order in the increments, relat
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 from math import ceil, log1p, sqrt
 
@@ -34,11 +35,15 @@ def with_yield_increments(path: LoadPath, target: float) -> LoadPath:
     # times that of the first row.
     first = next((value for value in path.values if value > 0), 0.0)
     start = sqrt(target) * first
-    turns = tuple(
-        tuple(_points_between(before, after, start, INCREMENT_PER_ACCURACY * target))
+    fraction = INCREMENT_PER_ACCURACY * target
+    turns = [
+        tuple(_points_between(before, after, start, fraction))
         for before, after in pairwise((0.0, *path.values))
-    )
-    return LoadPath(path.control, path.values, turns=turns)
+    ]
+    if path.unloading:
+        # The depths of these rows are found during the run.
+        turns[path.unloading.start :] = [()] * (len(turns) - path.unloading.start)
+    return replace(path, turns=tuple(turns))
 
 
 def increment_count(path: LoadPath) -> int:

@@ -157,8 +157,9 @@ class YieldingSolid:
     def power_law_exponent(self) -> float | None:
         """Exponent n of power-law hardening, 0 without hardening; None for other laws."""
         exponents = [self.hardening_exponent(slope) for slope in (0.05, 0.5, 5.0)]
-        rounding = 1e-9
-        return exponents[0] if max(exponents) - min(exponents) < rounding else None
+        digits = 9  # that round-off leaves
+        is_power_law = max(exponents) - min(exponents) < 10.0**-digits
+        return round(exponents[0], digits) if is_power_law else None
 
     def contact_height(self, slope: float, *, is_round: bool) -> float:
         """Return the height of the tip at the contact edge above its apex, divided by the depth.

@@ -183,7 +183,7 @@ def gap_of_displacement(
         return gap_current(physics.indenter, x, y, X[..., -1] + u[..., -1], body.depth)
     x, y = horizontal_position(X)
     gap = gap_reference(physics.indenter, x, y, X[..., -1], 0.0) - body.depth - u[..., -1]
-    return gap + body.tip_displacement(x) if physics.indenter.lens else gap
+    return gap + body.tip_displacement(x) if physics.indenter.elastic_part else gap
 
 
 def _area_ratio(

@@ -166,7 +166,7 @@ def tip_lift(results: Results, step: float, scene: Config) -> Profile:
     the surface of the step is not stored, its undeformed outline is drawn.
     """
     is_step = results.surface.get("step", np.zeros(0)) == step
-    if scene.indenter.lens is None or not is_step.any():
+    if scene.indenter.elastic_part is None or not is_step.any():
         return lambda s: 0.0 * s
     r, u_z, gap, z = (
         results.surface[name][is_step] if name in results.surface else np.zeros(is_step.sum())

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from indent_sim.config.scene_file import config_from_mapping, to_mapping
-from indent_sim.fitting.forward_model.forward_model import ForwardModel
+from indent_sim.fitting.forward_model.forward_model_cache import ForwardModelCache
 from indent_sim.model.plasticity import Hardening
 from indent_sim.process.errors import ConfigError, ConfigErrors
 from indent_sim.run.sensitivities import sensitivities
@@ -145,8 +145,8 @@ def test_commands_that_need_an_elastic_body_refuse_it() -> None:
     config = config_from_mapping(SCENE)
     with pytest.raises(ConfigError, match="not computed"):
         sensitivities(config, ("material.E",))
-    with pytest.raises(ConfigError, match="elastic load curves"):
-        ForwardModel(config, ("material.E",), 0.5)
+    with pytest.raises(ConfigError, match="homogeneous half-space"):
+        ForwardModelCache().forward_model(config, ("material.E",), 0.5)
 
 
 def test_what_a_scene_warns_of() -> None:
