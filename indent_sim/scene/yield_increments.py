@@ -14,9 +14,11 @@ import numpy as np
 
 from indent_sim.model.load_path import LoadPath
 
-# Increment relative to the depth, divided by the requested accuracy. The error estimate of the
-# increments is then half of the accuracy or less.
+# Increment relative to the depth, divided by the requested accuracy, of a path that only loads and
+# of one that unloads. The error estimate of the increments is then about half of the accuracy. In
+# unloading the force falls to zero, and its relative error grows.
 INCREMENT_PER_ACCURACY = 1.0
+INCREMENT_PER_ACCURACY_UNLOADING = 0.5
 # Largest number of increments: about an hour on a small mesh.
 MAX_INCREMENTS = 20000
 
@@ -35,7 +37,8 @@ def with_yield_increments(path: LoadPath, target: float) -> LoadPath:
     # times that of the first row.
     first = next((value for value in path.values if value > 0), 0.0)
     start = sqrt(target) * first
-    fraction = INCREMENT_PER_ACCURACY * target
+    unloads = any(after < before for before, after in pairwise(path.values))
+    fraction = (INCREMENT_PER_ACCURACY_UNLOADING if unloads else INCREMENT_PER_ACCURACY) * target
     turns = [
         tuple(_points_between(before, after, start, fraction))
         for before, after in pairwise((0.0, *path.values))
