@@ -990,8 +990,8 @@ def plot(paths: tuple[Path, ...], output: Path | None, **given_options: Any) -> 
 
     Fields: von_mises, principal_1, principal_2, principal_3, sigma_xx (sigma_rr of an axisymmetric
     body), sigma_yy, sigma_zz, sigma_xz, J, energy_density, displacement; with pore fluid
-    pore_pressure and fluid_content; for gels swelling. A film shows several states of one field
-    side by side, spread over the load path.
+    pore_pressure and fluid_content; for gels swelling; for bodies that yield plastic_strain. A film
+    shows several states of one field side by side, spread over the load path.
     """
     from indent_sim.results import reader
     from indent_sim.results.pictures import figures, panels

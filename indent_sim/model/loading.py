@@ -103,7 +103,7 @@ class Loading:
     delta > 0 is indentation; negative values in `deltas` keep the tip clear of the body [length].
     Forces are those of the whole body (per unit length in plane strain). Negative forces require
     adhesion and must not exceed the attraction at first contact. Without adhesion a force of 0
-    means delta = 0, where the tip just touches.
+    means delta = 0, where the tip just touches; after yield it means the depth at which it lets go.
 
     With `slide` the tip then moves sideways at the last depth or force, with `unload` it goes back.
     """

@@ -201,7 +201,7 @@ steps [1]: number of equal steps to `delta` or `force`
 deltas [length] $\delta_i$: sequence of depths instead of `delta`, also for unloading; < 0: the tip
   is clear of the body
 forces [force] $F_i$: sequence of forces instead of `force`, also for unloading; 0: the tip just
-  touches, at delta = 0
+  touches, at delta = 0, or where it lets go of a body that has yielded
 history [time, length]: depth over time as a list of points [t, delta]; with a cantilever or a frame
   [t, z]
 force_history [time, force]: force over time as a list of points [t, force]

@@ -37,6 +37,7 @@ CAPTIONS = {
     "fields": "Von Mises stress in the deformed body",
     "pore_pressure": "Pore pressure above the pressure of the bath",
     "film": "Von Mises stress",
+    "plastic_strain": "Plastic zone: equivalent plastic strain",
     "swelling": "Swelling: volume relative to the dry gel",
 }
 
@@ -314,6 +315,10 @@ def _run_pictures(results: Results) -> list[Picture]:
     for panel_kind in panel_kinds:
         drawing = partial(panels.draw, [results], PlotRequest((panel_kind,), width=110.0))
         pictures.append(Picture(figures.svg_element(drawing), CAPTIONS[panel_kind]))
+    if steps and "plastic_strain" in read_fields(results.path, steps[-1]):
+        request = PlotRequest(("fields",), ("plastic_strain",), width=110.0)
+        drawing = partial(panels.draw, [results], request)
+        pictures.append(Picture(figures.svg_element(drawing), CAPTIONS["plastic_strain"]))
     if in_time and len(steps) == len(results):
         pictures += [_film_picture(results, name) for name in _film_fields(results, steps[-1])]
     if experiment.has_elastic_curve(results.path, results.report):

@@ -461,6 +461,7 @@ ELASTIC_RULES: Rules = (
     _check_contact_found,
     _check_energy,
     _check_against_theory,
+    _check_force_follows_depth,
 )
 
 # Rules that hold only for a body that yields.

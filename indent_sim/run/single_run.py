@@ -567,7 +567,7 @@ class SingleRun:
         scales = self.scene.physics.scales
         units = {
             "displacement": scales.length,
-            **dict.fromkeys(("J", "fluid_content", "swelling"), 1.0),
+            **dict.fromkeys(("J", "fluid_content", "swelling", "plastic_strain"), 1.0),
         }
         self._solver.restore_row()
         if (

@@ -284,7 +284,9 @@ def _element_warnings(
         not sizes.is_resolved(shallowest)
         and (shallow_error := expected_force_error(sizes, shallowest, nu)) >= UNDERRESOLVED_ERROR
     ):
-        element_text = f"only {shallowest / sizes.h_contact:.2g} elements are in the contact radius"
+        element_text = (
+            f"the contact radius has a length of only {shallowest / sizes.h_contact:.2g} elements"
+        )
         wrong_text = f"the force there may be wrong by {error_text(shallow_error)}"
         message = (
             "the elements resolve the largest contact; in the smallest one "

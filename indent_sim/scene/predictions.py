@@ -42,7 +42,7 @@ def prediction_of(setup: ProblemSetup) -> dict[str, float]:
     if setup.surface_rise:
         # No elastic body at that depth has the force of a gel that swells against its tip.
         return {"a": setup.a * scales.length}
-    if setup.yielding and delta > 0:
+    if setup.yielding and delta > 0 and not physics.is_time_dependent:
         force = setup.yielding.force(delta)
         values[quantity] = delta if largest is not None else (force if isfinite(force) else None)
     elif setup.attraction:

@@ -195,7 +195,8 @@ def yielding_contact(
     lateral_extent = body.lateral_extent(center)
     is_homogeneous = is_half_space and len(layers) == 1 and not body.inclusions
     is_sharp_cone = isinstance(tip, Cone) and tip.tip_radius == 0
-    is_published = is_homogeneous and is_sharp_cone and not material.is_small_strain
+    is_metal = not (material.is_small_strain or material.creeps)
+    is_published = is_homogeneous and is_sharp_cone and is_metal
     return YieldingContact(
         _yielding_solid(material),
         tip,

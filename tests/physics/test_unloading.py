@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import exp
+from math import exp, pi
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +11,7 @@ import pytest
 from scenes import scene
 
 from indent_sim.config.scene_file import config_from_mapping
+from indent_sim.model.load_path import LoadPath
 from indent_sim.model.loading import Unload
 from indent_sim.model.state import State
 from indent_sim.process.errors import ConfigError, ConfigErrors
@@ -32,6 +33,7 @@ ELASTIC: dict[str, dict[str, Any]] = {
         "material": {"model": "hencky", "E": 1.0, "nu": 0.3},
     },
 }
+METAL = {"model": "hencky", "E": 10.0, "nu": 0.3, "plasticity": {"yield_stress": 0.1}}
 # The tip of R = 1e7 bar radii is not quite flat: 1e-7 of the force.
 FLAT = 1e-6
 
@@ -103,6 +105,40 @@ def test_reverse_yield_decides_where_contact_is_lost(depth: float) -> None:
     assert len(found) == 5 and found[-1].force == 0.0
     # The pressure on the way out is a small difference of large strains.
     assert found[-1].residual_depth == pytest.approx(1 - exp(-2 / (3 * kappa)), rel=1e-5)
+
+
+def test_prescribed_forces_of_a_bar() -> None:
+    """Up, down, up again on the elastic line, and down until the tip lets go.
+
+    Depths to which a bar is loaded by the force of 0.1, and at which it has none, are exact.
+    """
+    F = 2.07434864 * pi / 4
+    loading = {"forces": [F / 2, F, F / 2, F], "unload": {"to": 0, "rows": 2}}
+    found = rows(bar({"yield_stress": 1.0, "hardening": {"linear": 10.0}}, loading))
+    assert [state.force for state in found] == pytest.approx(
+        [F / 2, F, F / 2, F, F * 0.5**1.5, 0.0], rel=1e-8
+    )
+    assert found[1].delta == pytest.approx(0.1, rel=FLAT)
+    assert found[3].delta == pytest.approx(found[1].delta, rel=1e-9)
+    assert found[2].plastic_dissipation == pytest.approx(found[1].plastic_dissipation, rel=1e-12)
+    assert found[-1].residual_depth == pytest.approx(1 - 0.91696005, abs=FLAT * 0.1)
+
+
+def test_a_prescribed_force_depends_on_no_trial_depth() -> None:
+    """A cone at the depths that were found for forces has these forces."""
+    forces = [0.5, 1.0, 0.4]
+    base = scene(
+        {"shape": "cylinder", "radius": 4.0, "height": 4.0},
+        material=METAL,
+        indenter={"shape": "cone", "half_angle": 70.3},
+        mesh={"h_contact": 0.12},
+        loading={"forces": forces},
+    )
+    by_force = rows(base)
+    assert [state.force for state in by_force] == pytest.approx(forces, rel=1e-8)
+    depths = tuple(state.delta / base.physics.scales.depth for state in by_force)
+    by_depth = rows(base.replace_physics(path=LoadPath("depth", depths), deltas=depths))
+    assert [state.force for state in by_depth] == pytest.approx(forces, rel=1e-8)
 
 
 def test_unloading_ends_at_a_depth() -> None:

@@ -129,6 +129,11 @@ class LoadControl:
         self.failure = f"{MAX_TRIES} trial depths did not reach this force"
         return False
 
+    def forget_curve(self) -> None:
+        """Forget the known points of the curve, and its slope."""
+        self._curve = []
+        self._slope = 0.0
+
     def add_curve_point(self, force: float, delta: float) -> None:
         """Add a point of the force-depth curve, unless a point with this force is known."""
         is_known = any(

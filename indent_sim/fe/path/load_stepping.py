@@ -10,7 +10,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import inf
+from math import ceil, inf
 from typing import Any
 
 import numpy as np
@@ -95,6 +95,8 @@ class LoadStepper:
         self._substeps = 0
         self._cuts = 0
         self._search_slide = 0.0  # slide at which the depth of a force is searched for
+        # Number of increments to each trial depth of a search; 0 if there is no search
+        self._search_increments = 0
         self._search_time = 0.0  # time at which the depth of a force is searched for
         # Change of the depth of first contact in the last increment, for a body that changes in
         # time
@@ -118,8 +120,9 @@ class LoadStepper:
         always_tried_step = inf
         if scene.physics.gap == "current":
             # The gap at the deformed point is nonlinear in u, so that a longer increment may end in
-            # another solution.
-            longest_step = 0.25 * scene.plan.prediction["a"] / scene.physics.scales.length
+            # another solution. In a body that yields long increments also make the force too small.
+            fraction = 0.14 if scene.physics.yields else 0.25
+            longest_step = fraction * scene.plan.prediction["a"] / scene.physics.scales.length
         if self._adhesion_range:
             longest_step = min(longest_step, LONGEST_STEP_RANGES * self._adhesion_range)
             always_tried_step = SNAP_STEP_RANGES / 4 * self._adhesion_range
@@ -588,7 +591,11 @@ class LoadStepper:
             physics.is_time_dependent and t > 0
         )
         if t == self._last_point.load_point.t and is_same_curve:
-            is_found = self._load_control.find_depth(force, expected)
+            is_found = (
+                self._find_depth_of_yielding_body(force, expected)
+                if physics.yields
+                else self._load_control.find_depth(force, expected)
+            )
             return self._substeps - substeps if is_found else 0
         delta = self._last_point.delta or expected
         a = self.equilibrium.scene.plan.prediction["a"] / physics.scales.length
@@ -601,6 +608,45 @@ class LoadStepper:
             if self.equilibrium.is_seal_consistent():
                 break
         return self._substeps - substeps
+
+    def _find_depth_of_yielding_body(self, force: float, expected: float) -> bool:
+        """Find the depth of a force from the last row of a body that yields; True if found.
+
+        Loading and unloading are different curves, which both begin at the last row. The force
+        jumps at a depth from which on there is one more increment. A force within this jump is
+        searched for again, with the same number of increments to every trial depth.
+
+        Parameters
+        ----------
+        force
+            Prescribed force [force]; 0: the tip just lets go.
+        expected
+            Expected depth of the first row [length].
+        """
+        row = self._last_point
+        row_force = self.equilibrium.force
+        if force == 0:
+            end = self._end_of_unloading(0.0)
+            return end is not None and self._step_to_depth(end)[1] == end
+        physics = self.equilibrium.scene.physics
+        a = self.equilibrium.scene.plan.prediction["a"] / physics.scales.length
+        a = float(self.equilibrium.state_values()["a"]) or a
+        stiffness = 2 * physics.material.E_star * a ** (physics.scales.dim - 2)
+        # A body that flows is softer than its elastic contact, so that the first trial falls short.
+        delta = row.delta + (force - row_force) / stiffness if row.delta > 0 else expected
+        self._load_control.forget_curve()
+        if self._load_control.find_by_secant(force, delta, stiffness):
+            return True
+        if not self._load_control.failure:
+            return False
+        delta = self._force_and_depth[1]
+        self._search_increments = ceil(
+            abs(delta - row.delta) / self._create_step_control().max_step
+        )
+        self._load_control.forget_curve()
+        is_found = self._load_control.find_by_secant(force, delta, stiffness)
+        self._search_increments = 0
+        return is_found
 
     def _find_first_contact(self) -> bool:
         """Find the depth at which the tip just touches a body that changes in time; True if found.
@@ -678,6 +724,9 @@ class LoadStepper:
             # The step size control is created anew for each target, so that a resumed path has
             # the same increments
             self._step_control = self._create_step_control(segment)
+            if self._search_increments:
+                distance = abs(segment.end.delta - segment.begin.delta)
+                self._step_control = StepSizeControl(distance / self._search_increments, -inf)
             if (threshold := self._attraction_threshold(target_point)) is not None:
                 return (
                     (substeps_before := self._step_to(threshold))

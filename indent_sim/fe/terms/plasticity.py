@@ -36,7 +36,7 @@ from indent_sim.fe.terms.quadrature_field import (
     QuadratureField,
     symmetric_tensor,
 )
-from indent_sim.fe.terms.strain_energy import StrainEnergy
+from indent_sim.fe.terms.strain_energy import CellSample, StrainEnergy
 from indent_sim.fe.terms.time_integration import Stage
 from indent_sim.fe.terms.variation import variations
 from indent_sim.fe.unknowns import TimeLevel
@@ -159,7 +159,11 @@ class PlasticStrainEnergy(StrainEnergy):
 
     def _stress_of(self, potential: Expr, H: Expr) -> Expr:
         """Return the stress dW/dH; it is not the derivative of the stored energy alone."""
-        scalars, X, slope, *_ = self._mean_increment
+        return self._stress_of_increment(self._mean_increment, H)
+
+    def _stress_of_increment(self, increment: _Increment, H: Expr) -> Expr:
+        """Return the first Piola-Kirchhoff stress (3, 3) of an increment [pressure]."""
+        scalars, X, slope, *_ = increment
         # The chain rule is used because the direct derivative takes minutes to compile.
         isochoric = sum(ufl.diff(X, s) * ufl.diff(s, H) for s in scalars)
         return slope * isochoric + ufl.diff(self._volume, H)
@@ -212,9 +216,20 @@ class PlasticStrainEnergy(StrainEnergy):
         """Energy dissipated by plastic flow since the undeformed state, this rank's part."""
         return float(fem.assemble_scalar(self._plastic_work_form).real)
 
-    def plastic_strain(self) -> np.ndarray:
-        """Return the mean equivalent plastic strain (cells,) of each cell of `cells`."""
-        return self._state.values(self.cells)[..., self._alpha_index].mean(axis=1)
+    @property
+    def cell_sample(self) -> CellSample:
+        """The fields that stand for a cell: means over its quadrature points.
+
+        The mean internal variables of a cell and the strain at its centroid give a stress that is
+        off the yield surface by up to the variation of both in the cell.
+        """
+        stress = self._stress_of_increment(self._increment, self._H)
+        if not self.region.material.is_small_strain:
+            F = ufl.Identity(3) + self._H
+            stress = stress * F.T / ufl.det(F)
+        psi = self._increment.stored + self._volume
+        alpha = self._increment.alpha
+        return CellSample(self._state.points, self._state.weights, stress, psi, alpha)
 
     @cached_property
     def _gradient_expression(self) -> fem.Expression:

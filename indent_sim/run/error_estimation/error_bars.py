@@ -567,7 +567,8 @@ class ErrorBars:
         if self._step_refinement is None:
             return 0.0
         if name == "force" and self._has_prescribed_forces:
-            return self._step_refinement.error(state, "delta") * self._force_slope(state)
+            depth_error = self._step_refinement.error(state, "delta") * self._force_slope(state)
+            return max(depth_error, self._first_increments_error(state))
         unresolved_error = (
             self._long_step_error(state, name) if self._physics.contact.may_slip else 0.0
         )
@@ -585,12 +586,12 @@ class ErrorBars:
         """
         if self._physics.is_compressed or not state.plastic_dissipation:
             return 0.0
-        deltas = (0.0, *self._physics.deltas)
-        depth = deltas[state.step]
-        increment = depth - deltas[state.step - 1]
-        if increment <= 0 or depth <= 0:
+        previous = self._run_states.get(state.step - 1)
+        increment = state.delta - (previous.delta if previous else 0.0)
+        if increment <= 0 or state.delta <= 0:
             return 0.0
-        return MAX_YIELD_INCREMENT_ERROR * min(increment / depth, 1.0) * abs(state.force)
+        fraction = min(increment / state.delta, 1.0)
+        return MAX_YIELD_INCREMENT_ERROR * fraction * abs(state.force)
 
     def _bath_error(self, state: State, name: str) -> float:
         """Return the error of a quantity due to the finite duration of the bath ramp.
