@@ -11,6 +11,7 @@ from indent_sim.mesh.grid import Grid, map_grid
 from indent_sim.mesh.imported_mesh import ImportedMesh
 from indent_sim.mesh.reactions import reaction_columns
 from indent_sim.mesh.sizes import Sizes
+from indent_sim.mesh.two_bodies import TwoBodyDomain
 from indent_sim.model.experiment import Experiment
 from indent_sim.model.history import History
 from indent_sim.model.relaxation import Relaxation
@@ -160,6 +161,25 @@ class Scene:
         """Predicted cost of this scene on its mesh, without runs for error estimates."""
         work = self.physics.solver_work(self.solver.method, self.solver.linear)
         return cost_of(self.sizes, self.physics.domain, work)
+
+    @property
+    def has_two_body_mesh(self) -> bool:
+        """True if a soft tip is on the mesh of the body, and not condensed on a mesh of its own."""
+        return self.tip_scene is not None and self.solver.method != "condensed"
+
+    def two_body_scene(self) -> Scene:
+        """Return the scene whose domain is that of the body and of its soft tip.
+
+        The tip is a region in the units of the body, with the formulation of its own scene.
+        """
+        lens = self.physics.indenter.lens
+        assert self.tip_scene is not None
+        assert lens is not None
+        tip_domain = self.tip_scene.physics.domain
+        (tip_region,) = tip_domain.regions
+        region = replace(tip_region, name="tip", material=lens.material)
+        domain = TwoBodyDomain.join(self.physics.domain, tip_domain, region)
+        return self.replace_physics(domain=domain)
 
     def grid(self) -> Grid:
         """Return the mesh of the model domain; raise MeshError if gmsh fails."""
