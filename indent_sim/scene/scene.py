@@ -23,7 +23,7 @@ from indent_sim.process.repr_tables import ReprTable, cell_text
 from indent_sim.process.usage import machine_memory
 from indent_sim.scene import choices, contact_choices, curve_choices, sizing, solver_choices
 from indent_sim.scene.choices import Choice
-from indent_sim.scene.cost import Cost, SolverWork
+from indent_sim.scene.cost import Cost, SolverWork, add_tip_cost
 from indent_sim.scene.cost import predict_cost as cost_of
 from indent_sim.scene.diffusion_times import drained_face_size
 from indent_sim.scene.discretisation_warnings import scene_warnings
@@ -160,7 +160,11 @@ class Scene:
     def cost(self) -> Cost:
         """Predicted cost of this scene on its mesh, without runs for error estimates."""
         work = self.physics.solver_work(self.solver.method, self.solver.linear)
-        return cost_of(self.sizes, self.physics.domain, work)
+        cost = cost_of(self.sizes, self.physics.domain, work)
+        if self.tip_scene is None or not self.has_two_body_mesh:
+            return cost
+        tip_cost = cost_of(self.tip_scene.sizes, self.tip_scene.physics.domain, work)
+        return add_tip_cost(cost, tip_cost)
 
     @property
     def has_two_body_mesh(self) -> bool:
@@ -448,6 +452,9 @@ def _meshed_scene(config: Config, setup: ProblemSetup, per_radius: float | None)
         *choices.formulations(setup),
     )
     tip_scene = resolve(soft_tip_config(config, setup, sizes)) if physics.indenter.lens else None
+    if tip_scene and solver.value == "newton":
+        work = physics.solver_work("newton", "direct")
+        cost = add_tip_cost(cost, cost_of(tip_scene.sizes, tip_scene.physics.domain, work))
     contact_decisions = (
         *(soft_tip_choices(setup, tip_scene.physics.domain) if tip_scene else ()),
         gap_choice,

@@ -8,7 +8,7 @@ import numpy as np
 
 # Part of a segment by which a point may be beyond its end before it changes to the next one. The
 # height of a quadratic segment that is continued so far is wrong by 1e-2 of its error inside.
-OVERLAP = 0.1
+OVERLAP = 0.02
 
 
 @dataclass(frozen=True)
