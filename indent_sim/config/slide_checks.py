@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import pairwise
 
 from indent_sim.config.scene_sections import SceneSections
 from indent_sim.model.body import Cylinder
-from indent_sim.model.contact import ActiveSet
 from indent_sim.model.tips import Plate
 from indent_sim.model.walled_bodies import Box, Strip
 from indent_sim.process.errors import ConfigError
@@ -28,6 +28,13 @@ def slide_errors(config: SceneSections) -> Iterator[ConfigError]:
     elif slide.axis == 1 and isinstance(config.body, Strip):
         yield ConfigError(
             f"{KEY}.along", "is 90 degrees, but a strip is infinitely long along y", "use 0"
+        )
+    if any(begin == end for begin, end in pairwise((0.0, *slide.ends))):
+        yield ConfigError(
+            f"{KEY}.to",
+            "has a stretch without motion: a displacement equals the one before it, or the first "
+            "is 0, where the tip is pressed in",
+            "leave this displacement out",
         )
     for applies, problem, remedy in _obstacles(config):
         if applies:
@@ -68,12 +75,6 @@ def _obstacles(config: SceneSections) -> Iterator[tuple[bool, str, str]]:
         config.contact.adhesion is not None,
         "is not verified together with adhesion, by which the tip may snap in or off as it slides",
         "leave contact.adhesion or loading.slide out",
-    )
-    yield (
-        isinstance(config.contact, ActiveSet),
-        "is not possible with contact.method: active_set, whose gaps are those of one position of "
-        "the tip",
-        "use contact.method: auto",
     )
     yield (
         config.map is not None,

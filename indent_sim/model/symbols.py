@@ -142,13 +142,21 @@ exponent [1] $b$: exponent of the power law, between 0 (elastic) and 1 (a liquid
 time [time] $t_0$: time at which the modulus of the power law is `material.E`
 plasticity: von Mises yield with isotropic hardening, of a metal or a glass
 yield_stress [pressure] $\sigma_y$: yield stress in uniaxial tension before any plastic strain
-plasticity.n [1] $n$: exponent of power-law hardening, yield_stress (1 + E alpha/yield_stress)^n
-  with the equivalent plastic strain alpha
+hardening: growth of the yield stress with the equivalent plastic strain alpha, by one law
+hardening.n [1] $n$: exponent of power-law hardening, yield_stress (1 + E alpha/yield_stress)^n
+hardening.linear [pressure]: hardening modulus: the yield stress grows by linear alpha
+plasticity.n [1] $n$: short form of hardening: {n: ...}
+plasticity.linear [pressure]: short form of hardening: {linear: ...}
+plasticity.voce: short form of hardening: {voce: ...}
 material.n [1] $n$: exponent of power-law hardening
-plasticity.linear [pressure]: hardening modulus: the yield stress grows by linear alpha
 material.linear [pressure]: hardening modulus of plasticity
 voce: saturating hardening: the yield stress grows by rise (1 - exp(-alpha/strain))
 rise [pressure]: largest growth of the yield stress
+creep: plastic flow that depends on the rate: the flow stress is sigma(alpha) (1 + (alpha'/rate)^m)
+  at the rate alpha' of the equivalent plastic strain; needs a load path in time
+rate [1/time]: rate of the equivalent plastic strain at which the flow stress is twice that of slow
+  loading
+m [1] $m$: sensitivity of the overstress to the rate; small: nearly independent of time
 strain [1]: equivalent plastic strain at which 63 % of the rise is reached
 E_star [pressure] $E^*$: plane-strain modulus E / (1 - nu^2)
 
@@ -193,7 +201,7 @@ steps [1]: number of equal steps to `delta` or `force`
 deltas [length] $\delta_i$: sequence of depths instead of `delta`, also for unloading; < 0: the tip
   is clear of the body
 forces [force] $F_i$: sequence of forces instead of `force`, also for unloading; 0: the tip just
-  touches, at delta = 0
+  touches, at delta = 0, or where it lets go of a body that has yielded
 history [time, length]: depth over time as a list of points [t, delta]; with a cantilever or a frame
   [t, z]
 force_history [time, force]: force over time as a list of points [t, force]
@@ -206,6 +214,11 @@ to [length] $x_i$: displacements to which the tip slides one after another, from
   pressed in; one number is a scratch
 slide.steps [1]: number of rows on each stretch of the slide
 along [degrees]: direction of the slide, from x: 0 (x) or 90 (y)
+loading.unload: the way back after the last depth or force
+unload.to [length]: depth at which unloading ends unless the tip lets go before; a force if forces
+  are prescribed; 0: where the force has become zero
+unload.rows [1]: number of rows of unloading
+loading.rows [1]: number of rows of unloading
 
 ## Drainage
 drainage: boundary conditions of the pore fluid, and its bath
@@ -322,24 +335,34 @@ dissipation [energy]: energy dissipated by friction since the previous row; with
 plastic_dissipation [energy]: energy dissipated by plastic flow since the undeformed state; with
   plasticity
 hardness [pressure] $H$: force over contact area under load; with plasticity
+contact_area [area] $A$: contact area under load; with plasticity, in place of area
+unloading_stiffness [force/length] $S$: slope of the load curve if unloading began at this row; with
+  plasticity, in place of stiffness
+residual_depth [length] $h_r$: depth at which the force has become zero on the way back; in the last
+  row, with loading.unload
 side_force_x [force]: force on the tip along x; with friction, a slide, or a tilt and gap: current,
   if no mirror plane is normal to x; of a sliding tip with the force of the pressure on its slope
 side_force_y [force]: force on the tip along y, as side_force_x
-moment [force length] $M$: integral of pressure times distance from `center` along `tilt_towards`, >
-  0 where the tip leans to; with a tilt
-x_contact [length]: distance of the resultant force from `center` along `tilt_towards`,
-  moment/force; with a tilt
+moment [force length] $M$: integral of pressure times distance from the tip's axis along
+  `tilt_towards`, of an upright tip along its slide, > 0 if loaded more on that side; with a tilt or
+  a slide
+x_contact [length]: distance of the resultant force from the tip's axis, moment/force; with a tilt
+  or a slide
 force_error [force]: estimated error of the force: half-width of its interval
 a_error [length]: estimated error of the contact radius: half-width of its interval
 p_max_error [pressure]: estimated error of the largest pressure: half-width of its interval
 delta_error [length]: estimated error of a depth that is computed for a force: half-width of its
   interval
+residual_depth_error [length]: estimated error of the residual depth: half-width of its interval;
+  with loading.unload
 stick_radius_error [length]: estimated error of the stick radius: half-width of its interval; with
   friction
 dissipation_error [energy]: estimated error of the dissipation: half-width of its interval; with
   friction
 moment_error [force length]: estimated error of the moment: half-width of its interval; with a tilt
-x_contact_error [length]: estimated error of x_contact: half-width of its interval; with a tilt
+  or a slide
+x_contact_error [length]: estimated error of x_contact: half-width of its interval; with a tilt or a
+  slide
 side_force_x_error [force]: estimated error of the side force: half-width of its interval
 side_force_y_error [force]: estimated error of the side force: half-width of its interval
 calibration_error [force]: uncertainty of the force from the calibration of the instrument; with a

@@ -94,7 +94,7 @@ class _Tip:
     is_axisymmetric: ClassVar[bool] = True
 
     @property
-    def lens(self) -> Lens | SoftCylinder | None:
+    def elastic_part(self) -> Lens | SoftCylinder | None:
         """The elastic part of the tip; None if the tip is rigid."""
         return None
 
@@ -214,7 +214,7 @@ class _RoundTip(_Tip):
     thickness: Any
 
     @property
-    def lens(self) -> Lens | None:
+    def elastic_part(self) -> Lens | None:
         """The elastic part of the tip; None if the tip is rigid."""
         if self.material is None:
             return None
@@ -412,7 +412,7 @@ class _FlatTip(_Tip):
     thickness: Any
 
     @property
-    def lens(self) -> SoftCylinder | None:
+    def elastic_part(self) -> SoftCylinder | None:
         """The elastic part of the tip; None if the tip is rigid."""
         if self.material is None:
             return None

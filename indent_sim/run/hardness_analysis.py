@@ -22,6 +22,7 @@ from indent_sim.results.measured.indentation_cycle import (
     MAX_LAST_FORCE,
     IndentationCycle,
     indentation_cycle,
+    low_force_hold,
 )
 from indent_sim.results.measured.measurement import MeasuredCurve
 from indent_sim.results.reader import Results, read
@@ -89,7 +90,7 @@ class HardnessOptions:
     frame_compliance
         Compliance of the instrument's frame.
     drift
-        Rate of the depth due to thermal drift.
+        Rate of the depth due to thermal drift; "hold" for that of the hold at low force.
     columns, units
         Columns of a text file, and units if it has none.
     """
@@ -177,7 +178,7 @@ class _TestCurve:
     @property
     def has_units(self) -> bool:
         """Whether the units of length and force are known."""
-        return bool(self.units["length"] and self.units["force"])
+        return _has_units(self.units)
 
     def unit_of_scene(self, kind: str) -> float:
         """Return the scene's unit of a kind over that of the curve; 1 if one is unknown."""
@@ -257,7 +258,7 @@ def analyse(path: Path, options: HardnessOptions) -> Hardness:
     """
     _check_factors(options)
     curve = _read(path, options)
-    pressure = _pressure_unit(curve)
+    pressure = _pressure_unit(curve.units)
     depth, corrections = _corrected_depth(curve, options)
     _check_range(depth, curve.F)
     cycle = indentation_cycle(depth, curve.F, curve.results is None)
@@ -395,22 +396,34 @@ def _corrected_depth(
         unit = _ratio_text(curve.units["length"], curve.units["force"])
         words["frame compliance"] = f"{compliance:.4g} {unit}".rstrip()
     if options.drift is not None:
-        rate = _number("--drift", options.drift, "length/time", curve)
+        unit = _ratio_text(curve.units["length"], "s")
         if curve.t is None:
             raise UsageError(
                 "--drift needs the times of the samples, which the curve does not have",
                 "name the columns with --columns DEPTH,FORCE,TIME",
             )
+        if options.drift == "hold":
+            hold = low_force_hold(curve.t, h, curve.F)
+            rate = hold.rate
+            words["drift"] = (
+                f"{rate:.4g} ± {hold.error:.1g} {unit}".rstrip()
+                + f", of the hold of {hold.duration:.4g} s at {hold.force_fraction:.0%} of the "
+                "largest force"
+            )
+        else:
+            rate = _number("--drift", options.drift, "length/time", curve.units)
+            words["drift"] = f"{rate:.4g} {unit}".rstrip()
         first_contact = int(np.argmax(curve.h >= 0))
         h = h - rate * (curve.t - curve.t[first_contact])
-        words["drift"] = f"{rate:.4g} {_ratio_text(curve.units['length'], 's')}".rstrip()
     return h, words
 
 
 def _frame_compliance(curve: _TestCurve, options: HardnessOptions) -> float:
     """Return the compliance of the frame by the option or the scene [length/force]."""
     if options.frame_compliance is not None:
-        compliance = _number("--frame-compliance", options.frame_compliance, "length/force", curve)
+        compliance = _number(
+            "--frame-compliance", options.frame_compliance, "length/force", curve.units
+        )
         if compliance < 0:
             raise ConfigError("--frame-compliance", f"must not be negative, got {compliance:g}")
         return compliance
@@ -422,9 +435,9 @@ def _frame_compliance(curve: _TestCurve, options: HardnessOptions) -> float:
     return frame.compliance * unit if frame else 0.0
 
 
-def _number(key: str, text: str, dimension: str, curve: _TestCurve) -> float:
+def _number(key: str, text: str, dimension: str, units: Mapping[str, str]) -> float:
     """Return an option as a number in the units of the curve."""
-    value = convert_quantity(key, text, dimension, curve.units if curve.has_units else {})
+    value = convert_quantity(key, text, dimension, units if _has_units(units) else {})
     if not isfinite(value):
         raise ConfigError(key, f"'{text}' is not a finite number")
     return value
@@ -526,34 +539,75 @@ def _tip_modulus(
     curve: _TestCurve, options: HardnessOptions, pressure: _PressureUnit
 ) -> tuple[float | None, str]:
     """Return E_i* of the tip in units of the curve, and words; None if it is unknown."""
-    lens = curve.scene.indenter.lens if curve.scene else None
+    lens = curve.scene.indenter.elastic_part if curve.scene else None
     if options.tip is None and lens is not None:
         unit = curve.unit_of_scene("force") / curve.unit_of_scene("length") ** 2
         return lens.material.E_star * unit, "the soft tip of the scene"
     tip = options.tip or ("diamond" if curve.results is None else "rigid")
+    return _modulus_of_tip(tip, curve.units, pressure)
+
+
+def _modulus_of_tip(
+    tip: str, units: Mapping[str, str], pressure: _PressureUnit
+) -> tuple[float | None, str]:
+    """Return E_i* of a tip by its name or constants, and words; None without units."""
     if tip == "rigid":
         return inf, "rigid"
     if tip == "diamond":
         E = oliver_pharr.DIAMOND_E
         nu = oliver_pharr.DIAMOND_NU
-        if not curve.has_units:
+        if not _has_units(units):
             return None, (
                 "E_IT is not known: the modulus of the diamond tip is 1141 GPa, and the curve has "
                 f"no units; {UNITS_REMEDY}, or --tip rigid"
             )
-        SI_pressure = si_factor(curve.units["force"], "force")
-        SI_pressure /= si_factor(curve.units["length"], "length") ** 2
+        SI_pressure = si_factor(units["force"], "force")
+        SI_pressure /= si_factor(units["length"], "length") ** 2
         return E / SI_pressure / (1 - nu**2), f"diamond, E = {E / 1e9:g} GPa, nu = {nu:g}"
-    modulus_text, comma, nu_text = tip.rpartition(",")
+    E, nu = _elastic_constants("--tip", tip, units, "diamond, rigid, or ")
+    return E / (1 - nu**2), f"E = {E / pressure.size:.4g} {pressure.name}, nu = {nu:g}"
+
+
+def _elastic_constants(
+    option: str, text: str, units: Mapping[str, str], other_words: str = ""
+) -> tuple[float, float]:
+    """Return Young's modulus in units of the curve and Poisson's ratio of a text "E,NU"."""
+    modulus_text, comma, nu_text = text.rpartition(",")
     if not comma:
         raise ConfigError(
-            "--tip", f"'{tip}' is not a tip", "give diamond, rigid, or E,NU such as '400 GPa,0.25'"
+            option,
+            f"'{text}' is not a {option.removeprefix('--')}",
+            f"give {other_words}E,NU such as '400 GPa,0.25'",
         )
-    E = _number("--tip", modulus_text, "pressure", curve)
-    nu = convert_quantity("--tip", nu_text, "1", {})
+    E = _number(option, modulus_text, "pressure", units)
+    nu = convert_quantity(option, nu_text, "1", {})
     if not (E > 0 and -1 < nu <= 0.5):
-        raise ConfigError("--tip", f"needs E > 0 and -1 < nu <= 0.5, got '{tip}'")
-    return E / (1 - nu**2), f"E = {E / pressure.size:.4g} {pressure.name}, nu = {nu:g}"
+        raise ConfigError(option, f"needs E > 0 and -1 < nu <= 0.5, got '{text}'")
+    return E, nu
+
+
+def reference_modulus(sample: str, tip: str, units: Mapping[str, str]) -> tuple[float, str, str]:
+    """Return the reduced modulus of a sample of known modulus and a tip, and words for both.
+
+    Parameters
+    ----------
+    sample
+        Young's modulus and Poisson's ratio of the sample, "E,NU".
+    tip
+        "diamond", "rigid" or "E,NU".
+    units
+        Units of length and force of the curve, in which the modulus is.
+    """
+    pressure = _pressure_unit(units)
+    E, nu = _elastic_constants("--sample", sample, units)
+    tip_E_star, tip_words = _modulus_of_tip(tip, units, pressure)
+    if tip_E_star is None:
+        raise UsageError(
+            "the modulus of the diamond tip is in GPa, and the curve has no units",
+            f"{UNITS_REMEDY}, or the tip in the units of the curve with --tip",
+        )
+    E_r = 1 / ((1 - nu**2) / E + 1 / tip_E_star)
+    return E_r, f"E = {E / pressure.size:.4g} {pressure.name}, nu = {nu:g}", tip_words
 
 
 def _modulus(E_r: float, nu: float, tip_E_star: float, pressure: _PressureUnit) -> float:
@@ -756,11 +810,11 @@ def _truth(
     assert curve.results is not None
     table = curve.results.table
     row = int(np.argmax(table["force"]))
-    known = {"A_p": float(table["area"][row]) if "area" in table else nan}
+    known = {"A_p": _entry(table, row, "contact_area", "area")}
     known["H_IT"] = (
         float(table["force"][row]) / known["A_p"] / pressure.size if known["A_p"] > 0 else nan
     )
-    known["S"] = float(table["stiffness"][row]) if "stiffness" in table else nan
+    known["S"] = _entry(table, row, "unloading_stiffness", "stiffness")
     material = _material_below_tip(curve.scene)
     # A material that drains, relaxes or swells has no single modulus.
     if (
@@ -770,7 +824,7 @@ def _truth(
         and material.flow is None
         and material.relaxation is None
     ):
-        lens = curve.scene.indenter.lens
+        lens = curve.scene.indenter.elastic_part
         tip_compliance = 1 / lens.material.E_star if lens else 0.0
         known["E_r"] = 1 / (1 / material.E_star + tip_compliance) / pressure.size
         known["E_IT"] = float(material.constants.E) / pressure.size
@@ -781,11 +835,21 @@ def _truth(
     }
 
 
-def _pressure_unit(curve: _TestCurve) -> _PressureUnit:
-    """Return the unit of pressures: that of the curve if it has a name, otherwise GPa."""
-    if not curve.has_units:
+def _entry(table: Mapping[str, np.ndarray], row: int, *columns: str) -> float:
+    """Return the entry of a row in the first of these columns that the table has; NaN if none."""
+    return next((float(table[name][row]) for name in columns if name in table), nan)
+
+
+def _has_units(units: Mapping[str, str]) -> bool:
+    """Return whether the units of length and force are known."""
+    return bool(units["length"] and units["force"])
+
+
+def _pressure_unit(units: Mapping[str, str]) -> _PressureUnit:
+    """Return the unit of pressures: that of force over length^2 if it has a name, else GPa."""
+    if not _has_units(units):
         return _PressureUnit("", 1.0)
-    SI = si_factor(curve.units["force"], "force") / si_factor(curve.units["length"], "length") ** 2
+    SI = si_factor(units["force"], "force") / si_factor(units["length"], "length") ** 2
     named = {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6, "GPa": 1e9}
     name = next((name for name, size in named.items() if abs(SI / size - 1) < 1e-9), "GPa")
     return _PressureUnit(name, named[name] / SI)

@@ -386,6 +386,8 @@ class SimulationDriver:
         physics = scene.physics
         steps = len(earlier.states if scene.history_on_curve else scene.physics.deltas)
         depths = [delta * physics.scales.depth for delta in physics.deltas]
+        if physics.searches_unloading_depths and physics.path.unloading:
+            depths = depths[: physics.path.unloading.start]
         has_known_depths = physics.path.control == "depth" and scene.history_on_curve is None
         earlier.check(depths if has_known_depths else None, steps, target)
         if earlier.report.get("status") != "done" or len(earlier.states) != steps:

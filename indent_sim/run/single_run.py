@@ -13,6 +13,7 @@ import numpy as np
 
 from indent_sim.config.schema import Config
 from indent_sim.fe.dolfinx_loading import load_dolfinx
+from indent_sim.model.load_path import LoadPath
 from indent_sim.model.state import PullOff, State
 from indent_sim.process.errors import (
     BackendError,
@@ -232,7 +233,7 @@ class SingleRun:
         points_passed = [
             (value, t, physics.path.slide(step))
             for step in range(saved.step + 1, row_count + 1)
-            for value, t in physics.path.segment(step)
+            for value, t in self._path.segment(step)
         ]
         # The depths of prescribed forces are known from the rows.
         if physics.path.control != "depth":
@@ -249,6 +250,16 @@ class SingleRun:
                     f"cannot resume: the equilibrium of the last finished row, {depth}, could not "
                     f"be recomputed: {self._solver.failure}"
                 )
+
+    @property
+    def _path(self) -> LoadPath:
+        """The path, with the depths of finished rows if those of unloading are searched for."""
+        physics = self.scene.physics
+        if not physics.searches_unloading_depths:
+            return physics.path
+        return physics.path.with_first_values(
+            [state.delta / physics.scales.depth for state in self.states]
+        )
 
     def _save_checkpoint(self) -> None:
         """Save the last equilibria.
@@ -289,7 +300,7 @@ class SingleRun:
             if progress is not None and self.states:
                 progress(self.states[-1], row_count, self._row_count)
             solved_states = self._solver.states(
-                self.scene.physics.path, self._wants_surface, min(self._first_step, row_count)
+                self._path, self._wants_surface, min(self._first_step, row_count)
             )
             while state := self._next_state(solved_states):
                 if not state.converged:
@@ -555,7 +566,7 @@ class SingleRun:
         scales = self.scene.physics.scales
         units = {
             "displacement": scales.length,
-            **dict.fromkeys(("J", "fluid_content", "swelling"), 1.0),
+            **dict.fromkeys(("J", "fluid_content", "swelling", "plastic_strain"), 1.0),
         }
         self._solver.restore_row()
         if (
@@ -566,7 +577,7 @@ class SingleRun:
             return
         fields = gathered.items()  # empty except on rank 0
         values = {name: field * units.get(name, scales.pressure) for name, field in fields}
-        if lens := self.scene.physics.indenter.lens:
+        if lens := self.scene.physics.indenter.elastic_part:
             tip = self._drawn_tip_geometry()
             x = tip.points / scales.length
             r = np.abs(x[:, 0] - self.scene.physics.center[0])

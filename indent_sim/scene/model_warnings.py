@@ -137,7 +137,7 @@ def _model_warnings(setup: ProblemSetup) -> Iterator[ModelWarning]:
             cause = "the body is layered"
         if physics.surface_tension:
             cause = "its surface is under tension"
-        if physics.indenter.lens:
+        if physics.indenter.elastic_part:
             cause = "body or tip are not thick enough for a contact this large, or layered"
         if physics.domain.rests_on_flat:
             cause = "a part of the depth is the approach of the body and the flat below"

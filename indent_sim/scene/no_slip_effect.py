@@ -109,7 +109,7 @@ def _small_strain_effect(setup: ProblemSetup) -> NoSlipEffect | None:
     power = profile_exponent(physics.indenter)
     if (
         power is None
-        or tip.lens
+        or tip.elastic_part
         or physics.surface_tension
         or not _is_homogeneous_isotropic(domain)
         or domain.kinematics.name == "plane_strain"

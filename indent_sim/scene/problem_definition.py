@@ -18,11 +18,12 @@ from indent_sim.model.materials import Material
 from indent_sim.model.state import (
     FLUID_COLUMNS,
     FRICTION_COLUMNS,
+    MOMENT_COLUMNS,
     PLASTIC_COLUMNS,
     RESTING_COLUMNS,
     SLIDE_COLUMNS,
     SOFT_TIP_COLUMNS,
-    TILT_COLUMNS,
+    UNLOADING_COLUMNS,
 )
 from indent_sim.model.tip_track import TipTrack
 from indent_sim.model.tips import FlatPunch, Indenter
@@ -328,6 +329,11 @@ class ProblemDefinition:
         return any(region.material.plasticity for region in self.domain.regions)
 
     @property
+    def searches_unloading_depths(self) -> bool:
+        """True if the depths of unloading are known only when the body is solved."""
+        return self.path.unloading is not None and self.path.control == "depth" and self.yields
+
+    @property
     def is_time_dependent(self) -> bool:
         """True if the force changes with time at a constant depth."""
         return any(region.material.is_time_dependent for region in self.domain.regions)
@@ -356,14 +362,16 @@ class ProblemDefinition:
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """Columns for tip, flat below, slide, friction, tilt, fluid and yield, in order."""
-        soft_tip = SOFT_TIP_COLUMNS if self.indenter.lens else ()
+        """Columns for tip, flat, slide, friction, tilt, fluid, yield and unloading, in order."""
+        soft_tip = SOFT_TIP_COLUMNS if self.indenter.elastic_part else ()
+        unloading = UNLOADING_COLUMNS if self.path.unloading else ()
         if soft_tip or self.domain.rests_on_flat:
             # Soft tips and bodies on a flat are not modelled with friction or pore fluid.
-            return (*soft_tip, *(RESTING_COLUMNS if self.domain.rests_on_flat else ()))
+            resting = RESTING_COLUMNS if self.domain.rests_on_flat else ()
+            return (*soft_tip, *resting, *unloading)
         fluid = FLUID_COLUMNS if self.permeable_regions else ()
         plastic = PLASTIC_COLUMNS if self.yields else ()
-        tilt = TILT_COLUMNS if self.has_moment else ()
+        tilt = MOMENT_COLUMNS if self.has_moment else ()
         side_force_columns = [f"side_force_{axis}" for axis in self.side_force_axes]
         return (
             *(SLIDE_COLUMNS if self.slides else ()),
@@ -375,17 +383,20 @@ class ProblemDefinition:
             *tilt,
             *fluid,
             *plastic,
+            *unloading,
         )
 
     @property
     def has_moment(self) -> bool:
-        """True if the tip is tilted, so that the contact exerts a moment about its center."""
-        return self.indenter.tilt_direction is not None
+        """True if the tip is tilted or slides, so that the contact exerts a moment on it."""
+        return self.indenter.tilt_direction is not None or self.slides
 
     @property
     def moment_axis(self) -> tuple[float, float]:
-        """Horizontal unit vector (x, y) along the tilt, to which the moment refers; else x."""
-        direction = self.indenter.tilt_direction or 0.0
+        """Horizontal unit vector (x, y) along the tilt, else along the slide, of the moment."""
+        direction = self.indenter.tilt_direction
+        if direction is None:
+            direction = 90.0 * self.path.slide_axis
         return float(cos(direction)), float(sin(direction))
 
     @property
@@ -397,7 +408,7 @@ class ProblemDefinition:
     def contact_modulus(self) -> float:
         """E* of the contact [pressure]: 1/(1/E_1* + 1/E_2*) of body and tip if the tip is soft."""
         E_star: float = self.material.E_star
-        lens = self.indenter.lens
+        lens = self.indenter.elastic_part
         return E_star if lens is None else 1.0 / (1.0 / E_star + 1.0 / lens.material.E_star)
 
     @property
@@ -501,6 +512,7 @@ class ProblemDefinition:
             is_nonlinear_in_time,
             holding_solves,
             self._sliding_solves,
+            self.yields,
         )
 
     @property

@@ -57,6 +57,7 @@ from indent_sim.scene.regions import (
 )
 from indent_sim.scene.swelling import max_surface_rise, nondimensional_drainage
 from indent_sim.scene.symmetry_reduction import reduce
+from indent_sim.scene.yielding_contact import YieldingContact, yielding_contact
 from indent_sim.theory.solution import Solution
 from indent_sim.theory.theory import Theory
 
@@ -108,6 +109,8 @@ class ProblemSetup:
         The expected contact radius [length] as a function of depth [length].
     theory_for_materials : callable
         The reference theory of the same scene after a change of the material of every layer.
+    yielding : YieldingContact or None
+        The expected contact if the first layer yields.
     """
 
     physics: ProblemDefinition
@@ -128,6 +131,7 @@ class ProblemSetup:
     theory_for_materials: Callable[[Callable[[Material], Material]], Theory | None] = field(
         repr=False
     )
+    yielding: YieldingContact | None = None
 
     @property
     def is_half_space(self) -> bool:
@@ -334,15 +338,32 @@ def _set_up(
     tension = scales.nondimensionalize(config.body).surface_tension
     theory = theory_of(whole_body, layers, tip, center, tension)
     relative = relative_tip(tip, body)
+    radius = cache(partial(expected_radius, theory, (relative, tip), body, center))
+    yielding = yielding_contact(
+        theory,
+        relative,
+        body,
+        layers,
+        center,
+        domain.kinematics,
+        radius,
+        is_half_space=isinstance(whole_body, HalfSpace),
+    )
     deltas = expected_depths(
-        path, theory, relative, material, body.height, scales, domain.mirrored_body_count(center)
+        path,
+        theory,
+        relative,
+        material,
+        body.height,
+        scales,
+        domain.mirrored_body_count(center),
+        yielding.depth_of_force if yielding else None,
     )
     drainage = nondimensional_drainage(config, history, scales)
     physics = ProblemDefinition(
         scales, body, domain, tip, center, path, deltas, surface_tension=tension, drainage=drainage
     )
     attraction = scales.nondimensionalize(config.contact).adhesion
-    radius = cache(partial(expected_radius, theory, (relative, tip), body, center))
     theory = theory and theory.checked_for_tension(deltas)
 
     def theory_with(change: Callable[[Material], Material]) -> Theory | None:
@@ -371,8 +392,9 @@ def _set_up(
         layers,
         *expectations,
         max_surface_rise(drainage, layers),
-        radius,
+        cache(yielding.radius) if yielding else radius,
         theory_with,
+        yielding,
     )
 
 

@@ -87,8 +87,8 @@ def theory_of(
     )
     if theory and surface_tension:
         theory = _add_surface_tension(theory, surface_tension)
-    if theory and tip.lens:
-        theory = _soft_tip_theory(theory, tip.lens, body)
+    if theory and tip.elastic_part:
+        theory = _soft_tip_theory(theory, tip.elastic_part, body)
     if theory is None or not body.inclusions:
         return theory
     return replace(

@@ -60,6 +60,7 @@ if TYPE_CHECKING:
     from indent_sim.config.schema import Config
 
 FRICTION_WHY = "the surface has friction, but the theory has none"
+YIELD_WHY = "the body yields, but the theory is elastic"
 
 
 @dataclass(frozen=True)
@@ -176,12 +177,12 @@ class Scene:
 
         The tip is a region in the units of the body, with the formulation of its own scene.
         """
-        lens = self.physics.indenter.lens
+        elastic_part = self.physics.indenter.elastic_part
         assert self.tip_scene is not None
-        assert lens is not None
+        assert elastic_part is not None
         tip_domain = self.tip_scene.physics.domain
         (tip_region,) = tip_domain.regions
-        region = replace(tip_region, name="tip", material=lens.material)
+        region = replace(tip_region, name="tip", material=elastic_part.material)
         domain = TwoBodyDomain.join(self.physics.domain, tip_domain, region)
         return self.replace_physics(domain=domain)
 
@@ -239,7 +240,7 @@ class Scene:
                 not physics.small_strain and not is_finite,
                 "strains are finite, but the theory is for small strain",
             ),
-            (physics.yields, "the body yields, but the theory is elastic"),
+            (physics.yields, YIELD_WHY),
             (physics.has_friction, FRICTION_WHY),
             (physics.slides, "the tip slides, but the theory has no sideways motion"),
             (
@@ -451,7 +452,8 @@ def _meshed_scene(config: Config, setup: ProblemSetup, per_radius: float | None)
         *choices.model_choices(setup),
         *choices.formulations(setup),
     )
-    tip_scene = resolve(soft_tip_config(config, setup, sizes)) if physics.indenter.lens else None
+    is_soft = physics.indenter.elastic_part is not None
+    tip_scene = resolve(soft_tip_config(config, setup, sizes)) if is_soft else None
     if tip_scene and solver.value == "newton":
         work = physics.solver_work("newton", "direct")
         cost = add_tip_cost(cost, cost_of(tip_scene.sizes, tip_scene.physics.domain, work))
@@ -506,6 +508,7 @@ def _meshed_scene(config: Config, setup: ProblemSetup, per_radius: float | None)
         adhesion,
         setup.jkr,
         time,
+        setup.yielding,
     )
     plan = Plan(config.title, config.units, *plan_parts)
     settings = replace(

@@ -26,7 +26,7 @@ MAX_APPROACH = 0.3
 def check_soft_tip(setup: ProblemSetup) -> None:
     """Raise ConfigError if a soft tip is not on the axis of an axisymmetric body."""
     physics = setup.physics
-    if physics.indenter.lens is None or physics.domain.kinematics.name == "axisymmetric":
+    if physics.indenter.elastic_part is None or physics.domain.kinematics.name == "axisymmetric":
         return
     raise ConfigError(
         "indenter.material",
@@ -46,7 +46,7 @@ def soft_tip_choices(setup: ProblemSetup, tip_domain: ModelDomain) -> list[Choic
         The model domain of the lens.
     """
     physics = setup.physics
-    lens = physics.indenter.lens
+    lens = physics.indenter.elastic_part
     assert lens is not None
     scales = physics.scales
     (region,) = tip_domain.regions
@@ -75,7 +75,7 @@ def soft_tip_config(config: Config, setup: ProblemSetup, sizes: Sizes) -> Config
     sizes : Sizes
         The element sizes of the body, whose size in the contact the lens has, too.
     """
-    lens = config.indenter.lens
+    lens = config.indenter.elastic_part
     assert lens is not None
     pressed = (
         _pressed_lens(lens, setup)

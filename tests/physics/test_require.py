@@ -59,6 +59,7 @@ NAMES = [
     "bond_below",
     "soft_tip",
     "tilt",
+    "lateral",
     "surface_tension",
     "friction",
     "stick",
@@ -416,6 +417,38 @@ def test_a_tilt_that_the_scene_lacks() -> None:
     assert "+25 % at 10 degrees" in row(cone, "tilt").source
     sphere = HALF_SPACE | {"indenter": {"shape": "sphere", "R": 1.0}}
     assert row(sphere, "tilt").percent == 0
+
+
+def test_a_slide_of_the_scene() -> None:
+    """Friction changes the force of a sliding tip; both runs on elements of half the size."""
+    friction = {"friction": 0.4}
+    scene = {
+        "body": {"shape": "strip", "width": 2.0, "height": 1.0, "base": "fixed", "sides": "free"},
+        "material": ELASTIC | {"nu": 0.0},
+        "indenter": {"shape": "paraboloid", "R": 5.0},
+        "loading": {"delta": 0.01, "steps": 2, "slide": {"to": [0.03, -0.03], "steps": 2}},
+        "contact": friction,
+        "mesh": {"h_contact": 0.03},
+    }
+    fine = scene | {"mesh": {"h_contact": 0.015}}
+    fine["loading"] = {"delta": 0.01, "steps": 4, "slide": {"to": [0.03], "steps": 4}}
+    exact = 100 * (force(fine) / force(fine | {"contact": {}}) - 1)
+    found = row(scene, "lateral")
+    assert found.percent == pytest.approx(exact, abs=0.1) and abs(exact) > 0.5
+    assert "at most 0.4 times the force" in found.source
+    requirements = of(scene)
+    assert requirements.config["contact"]["friction"] == 0.4
+    assert "needs the friction" in requirements.words
+    assert "slope" in row(scene | {"contact": {}}, "lateral").source
+
+
+def test_nothing_moves_the_tip_sideways() -> None:
+    """Words only: without a slide friction bounds a side force, or there is none."""
+    assert row(HALF_SPACE, "lateral").percent == 0
+    rough = row(CYLINDER | {"contact": {"friction": 0.3}}, "lateral")
+    assert rough.percent == 0 and "at most 0.3 times the force" in rough.source
+    stuck = row(CYLINDER | {"contact": {"friction": "stick"}}, "lateral")
+    assert "the surface sticks" in stuck.source
 
 
 def test_a_tilt_of_the_scene() -> None:

@@ -130,19 +130,6 @@ def test_rows_of_a_loop_are_within_their_bounds() -> None:
     assert "side force" in (violated_bound(base, doubled, PreviousRows(states[:14])) or "")
 
 
-def test_a_slide_of_zero_is_no_slide() -> None:
-    """A tip that stays where it is has the state of the last depth.
-
-    Points at the edge may still slip by as much as the tolerance of the last increment left: 5e-8.
-    """
-    base = slide_scene([0.0], 2, "mesh.symmetry=full")
-    *_, pressed, again, once_more = solve(base)
-    for row in (again, once_more):
-        assert row.x == 0.0
-        assert row.force == pytest.approx(pressed.force, rel=1e-6)
-        assert row.side_force_x == pytest.approx(0.0, abs=2e-3 * MU * pressed.force)
-
-
 def test_slides_to_both_sides_are_mirror_images() -> None:
     """Forces of slides along x and -x are equal and opposite, to 0.3 % on an unsymmetric mesh."""
     (right, left) = (solve(slide_scene([side * 2e-4], 2)) for side in (1, -1))
@@ -185,6 +172,43 @@ def test_without_friction_only_the_slope_of_the_tip_pushes() -> None:
         assert row.dissipation is None
         assert row.force == pytest.approx(states[2].force, rel=2e-3)
         assert abs(row.side_force_x or 0.0) <= 1e-3 * row.force
+
+
+@pytest.mark.parametrize("nu", [0.0, 0.3])
+def test_friction_moves_the_contact_to_the_rear(nu: float) -> None:
+    """In full slip on a half-plane x_contact = -8/3 lambda a with tan(pi lambda) = mu beta.
+
+    beta = (1 - 2 nu)/(2 (1 - nu)). A tangential traction lowers the surface ahead of it, so that
+    the pressure is (b + x)^(1/2 - lambda) (b - x)^(1/2 + lambda) (Johnson 1985, 8.2), with the axis
+    of the tip at 2 lambda a. The strip is 22 a deep, which changes this by 2.3 %.
+    """
+    material = {"model": "linear_elastic", "E": 1.0, "nu": nu}
+    states = solve(slide_scene([8e-4, -8e-4], 4, material=material))
+    shift = 8 / 3 * np.arctan(MU * (1 - 2 * nu) / (2 * (1 - nu))) / np.pi
+    for row, side in ((states[6], 1), (states[10], -1)):
+        assert row.stick_radius == 0.0
+        assert row.x_contact == pytest.approx(-side * shift * row.a, rel=0.03)
+        assert row.moment == pytest.approx((row.x_contact or 0.0) * row.force)
+        # The pressure on the slope x/R of the tip is a part of the side force.
+        side_force = -side * MU * row.force - (row.moment or 0.0)
+        assert row.side_force_x == pytest.approx(side_force, rel=1e-5)
+
+
+@pytest.mark.parametrize("solver", ["condensed", "newton"])
+def test_the_active_set_method_slides(solver: str) -> None:
+    """Nodal pressures give the rows of the augmented Lagrangian, to the elements of a/4: 1e-3.
+
+    The side force without friction is minus the moment over R, the slope of a paraboloid.
+    """
+    sections = COARSE | {"contact": {}}
+    auto = solve(slide_scene([2e-3, 1e-3], 1, **sections))
+    options = ("contact.method=active_set", f"solver.method={solver}")
+    for row, other in zip(
+        solve(slide_scene([2e-3, 1e-3], 1, *options, **sections)), auto, strict=True
+    ):
+        assert row.force == pytest.approx(other.force, rel=2e-3)
+        assert row.energy == pytest.approx(other.energy, rel=2e-3)
+        assert row.side_force_x == pytest.approx(-(row.moment or 0.0), abs=1e-9 * row.force)
 
 
 @cache
@@ -309,7 +333,7 @@ def test_error_bars_hold_what_smaller_elements_find(tmp_path: Path) -> None:
         simulate(config, directory=tmp_path / name, error_bars=name == "run")
         rows.append(read(tmp_path / name))
     run, fine = rows
-    for name in ("force", "side_force_x", "dissipation"):
+    for name in ("force", "side_force_x", "dissipation", "moment", "x_contact"):
         difference = np.abs(run[name] - fine[name])
         assert (difference <= run[f"{name}_error"] + 1e-12).all(), name
     assert (run["side_force_x_error"][3:] < 0.03 * MU * run["force"][3:]).all()

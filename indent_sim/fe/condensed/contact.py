@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import cached_property
 from math import isclose
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from mpi4py import MPI
@@ -26,6 +26,7 @@ from scipy.sparse.linalg import SuperLU, splu
 from indent_sim.fe.condensed.complementarity import solve_complementarity
 from indent_sim.fe.condensed.compliance import Compliance, surface_mass_matrix
 from indent_sim.fe.condensed.friction import NODAL_FORCE_TOLERANCE, CondensedFriction
+from indent_sim.fe.condensed.placed_tip import PlacedTip
 from indent_sim.fe.quadrature import contact_quadrature, split_quadrature
 from indent_sim.fe.shape_functions import (
     pressure_shape_functions,
@@ -43,6 +44,31 @@ MAX_CONTACT_ITERATIONS = 100
 BALANCE_TOLERANCE = 1e-10
 # Largest number of motions of the body that are tried until these forces are equal.
 MAX_BALANCE_ITERATIONS = 50
+
+
+class ContactState(NamedTuple):
+    """State of a condensed contact on its candidate nodes.
+
+    Attributes
+    ----------
+    forces
+        Nodal forces (1 + horizontal axes, candidates): downwards and, with friction, along the axes
+        [force].
+    lam
+        Multiplier at the nodes of the whole surface [pressure].
+    depth
+        Indentation depth [length].
+    slide
+        Horizontal displacement of the tip from where it was pressed in [length].
+    motion
+        Motion of a body that rests on a flat at which its spring is free of force [length].
+    """
+
+    forces: np.ndarray
+    lam: np.ndarray
+    depth: float
+    slide: float
+    motion: float
 
 
 class CondensedContact:
@@ -64,7 +90,7 @@ class CondensedContact:
         self.depth = 0.0
         # Motion of a body that rests on a flat at which the spring is free of force [length]
         self.motion = 0.0
-        self.slide = 0.0  # horizontal displacement of the tip from where it was pressed in
+        self.tip = PlacedTip(compliance, scene)
         self.law: Any = scene.physics.contact
         self.nodes = compliance.trace.nodes
         self.candidates = compliance.candidates
@@ -131,16 +157,27 @@ class CondensedContact:
         slide
             Horizontal displacement of the tip [length].
         """
-        state_before = (self.forces, self.lam, self.depth, self.motion)
-        slide_before = self.slide
+        state_before = self.state
         self.depth = delta
         self.slide_tip(slide)
         if self._solve_balanced():
             self._recent_forces = [*self._recent_forces[-1:], self.F]
             return True
-        self.forces, self.lam, self.depth, self.motion = state_before
-        self.slide_tip(slide_before)
+        self.restore(state_before)
         return False
+
+    @property
+    def state(self) -> ContactState:
+        """The present state, whose arrays are replaced and never changed."""
+        return ContactState(self.forces, self.lam, self.depth, self.slide, self.motion)
+
+    def restore(self, state: ContactState) -> None:
+        """Set the present state."""
+        self.forces = state.forces
+        self.lam = state.lam
+        self.depth = state.depth
+        self.motion = state.motion
+        self.slide_tip(state.slide)
 
     def _solve_balanced(self) -> bool:
         """Solve for the contact, and for the motion of a body that rests on a flat.
@@ -178,11 +215,15 @@ class CondensedContact:
         self.failure = "the forces on tip and flat do not become equal"
         return False
 
+    @property
+    def slide(self) -> float:
+        """Horizontal displacement of the tip from where it was pressed in [length]."""
+        return self.tip.slide
+
     def slide_tip(self, slide: float) -> None:
-        """Set the horizontal displacement of the tip from where it was pressed in [length]."""
+        """Place the tip at a horizontal displacement from where it was pressed in [length]."""
         if slide != self.slide:
-            self.slide = slide
-            self.quadrature = self._contact_quadrature()
+            self.tip = PlacedTip(self.compliance, self.scene, slide)
 
     def accept(self) -> None:
         """Accept the present equilibrium as the start of the next increment."""
@@ -223,59 +264,13 @@ class CondensedContact:
         """
         return 1e-20 * max(float(norm(F)) for F in self._recent_forces)
 
-    def quadrature_rule(
-        self, points: np.ndarray, weights: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Return weighted areas and heights of the tip above the undeformed surface.
-
-        Parameters
-        ----------
-        points, weights
-            Quadrature rule of the reference facet: (points, dim - 1) and (points,).
-
-        Returns
-        -------
-        tuple of ndarray
-            Areas (times 2 pi r if axisymmetric) and heights [length], both (facets, points).
-        """
-        trace = self.compliance.trace
-        areas = self._weighted_areas(trace, points, weights)
-        return areas, self.tip_heights(points, self.slide)
-
-    def tip_heights(self, points: np.ndarray, slide: float) -> np.ndarray:
-        """Return the heights (facets, points) of tip or flat above the undeformed surface [length].
-
-        Parameters
-        ----------
-        points
-            Points (points, dim - 1) of the reference facet.
-        slide
-            Horizontal displacement of the tip [length].
-        """
-        physics = self.scene.physics
-        return self._heights_below(
-            points, physics.track.position(slide) if slide else physics.center
-        )
-
-    def _heights_below(self, points: np.ndarray, center: tuple[float, ...]) -> np.ndarray:
-        """Return the heights of a tip at a horizontal position; see `tip_heights`."""
-        physics = self.scene.physics
-        x = np.moveaxis(self.compliance.trace.positions(points), -1, 0)
-        horizontal = physics.domain.kinematics.horizontal_position(x, center)
-        height = physics.indenter.height(*horizontal)
-        rests_on_flat = self.compliance.rests_on_flat
-        if rests_on_flat is not None:
-            height = np.where(rests_on_flat[:, None], 0.0, height)
-        return np.asarray(height - x[-1])
-
     def moment(self) -> float:
         """Return the moment of the nodal forces on the model domain [force length]."""
         trace = self.compliance.trace
         x = np.zeros((self.compliance.size, trace.dim - 1))
         x[trace.nodes] = trace.X[..., :-1]
         physics = self.scene.physics
-        center = physics.track.position(self.slide)
-        lever = physics.domain.kinematics.horizontal_position(x.T, center)
+        lever = physics.domain.kinematics.horizontal_position(x.T, self.tip.center)
         e, g = physics.moment_axis
         return float(self.F @ (e * lever[0] + g * lever[1]))
 
@@ -287,18 +282,21 @@ class CondensedContact:
             * self.scene.physics.domain.kinematics.integration_weight(x)
         )
 
-    @cached_property
+    @property
     def quadrature(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Contact quadrature: shape functions, weighted areas and heights of the tip.
 
         Their shapes are (points, nodes), (facets, points) and (facets, points). The heights are
-        those at the present place of the tip.
+        those at the present position of the tip.
         """
-        return self._contact_quadrature()
+        return *self._shapes_and_areas, self.tip.quadrature_heights
 
-    def _contact_quadrature(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        points, weights = contact_quadrature(self.compliance.trace.dim)
-        return shape_functions(points), *self.quadrature_rule(points, weights)
+    @cached_property
+    def _shapes_and_areas(self) -> tuple[np.ndarray, np.ndarray]:
+        """Shape functions and weighted areas of the contact quadrature."""
+        trace = self.compliance.trace
+        points, weights = contact_quadrature(trace.dim)
+        return shape_functions(points), self._weighted_areas(trace, points, weights)
 
     @cached_property
     def mass_matrix(self) -> csc_matrix:
@@ -412,7 +410,7 @@ class CondensedContact:
 
     def _nodal_load(self, trial_pressure: np.ndarray, active: np.ndarray) -> np.ndarray:
         """Return the nodal forces of the trial pressure at the active points."""
-        N, W, _ = self.quadrature
+        N, W = self._shapes_and_areas
         return self.assemble_vector((W * np.where(active, trial_pressure, 0.0)) @ N)
 
     def newton_step(
@@ -434,7 +432,7 @@ class CondensedContact:
         is_constrained
             Whether a horizontal displacement is prescribed (m - 1, nodes).
         """
-        N, W, _ = self.quadrature
+        N, W = self._shapes_and_areas
         size = self.compliance.size
         m = len(slopes)
         touched_facets = np.flatnonzero(slopes[0, 0].any(axis=1))
@@ -467,7 +465,7 @@ class CondensedContact:
     @cached_property
     def _shape_products(self) -> np.ndarray:
         """Products N_i N_j of shape functions at the quadrature points (points, nodes, nodes)."""
-        N, _, _ = self.quadrature
+        N, _ = self._shapes_and_areas
         return N[:, :, None] * N[:, None, :]
 
     def stiffness(self) -> float:
@@ -496,7 +494,7 @@ class CondensedContact:
         """
         if self.law.multiplier == "nodal":
             # The nodes in contact move down together, as under a flat punch
-            carriers, _, _, areas, A, tip_areas = self._weighted_gap_matrices
+            carriers, _, areas, A, tip_areas = self._pressure_matrices
             loaded = np.flatnonzero(self.lam[self.candidates[carriers]] > 0)
             if not len(loaded):
                 return 0.0, 0.0
@@ -520,33 +518,45 @@ class CondensedContact:
         return tip, float(forces.sum()) - tip
 
     @cached_property
-    def _weighted_gap_matrices(self) -> tuple[np.ndarray, ...]:
-        """Vectors and matrices of the equations for the nodal pressures.
+    def _pressure_matrices(self) -> tuple[np.ndarray, ...]:
+        """Vectors and matrices of the equations for the nodal pressures, at any place of the tip.
 
-        These are the nodes with an area, the matrix Q of forces per nodal pressure, the weighted
-        heights, the areas, the compliance Q' C Q of the weighted gaps, and the areas that the tip
-        may touch.
+        These are the nodes with an area, the matrix Q of forces per nodal pressure, the areas, the
+        compliance Q' C Q of the weighted gaps, and the areas that the tip may touch.
         """
-        points, weights = split_quadrature(self.compliance.trace.dim)
-        W, height = self.quadrature_rule(points, weights)
-        N = shape_functions(points)
-        psi = pressure_shape_functions(points)
+        N = shape_functions(split_quadrature(self.compliance.trace.dim)[0])
+        W, psi = self._split_areas
         local = np.einsum("fp,pn,pm->fnm", W, N, psi)
         size = self.compliance.size
         indices = self.nodes[:, :, None] * size + self.nodes[:, None, :]
         Q = np.bincount(indices.ravel(), local.ravel(), size * size).reshape(size, size)
-        heights = self.assemble_vector((W * height) @ psi)
         areas = self.assemble_vector(W @ psi)
         tip_areas = self.assemble_vector((W * self._tip_facets) @ psi)
         carriers = np.flatnonzero(areas > 0)
         return (
             carriers,
             Q[:, carriers],
-            heights[carriers],
             areas[carriers],
             (Q.T @ self.compliance.C @ Q)[np.ix_(carriers, carriers)],
             tip_areas[carriers],
         )
+
+    @cached_property
+    def _split_areas(self) -> tuple[np.ndarray, np.ndarray]:
+        """Weighted areas and pressure shape functions of the quadrature of nodal pressures."""
+        trace = self.compliance.trace
+        points, weights = split_quadrature(trace.dim)
+        return self._weighted_areas(trace, points, weights), pressure_shape_functions(points)
+
+    def _weigh(self, values: np.ndarray) -> np.ndarray:
+        """Return the integrals of values (facets, points) times the pressure shape functions.
+
+        The points are those of the quadrature of nodal pressures; there is one integral for each
+        node with an area.
+        """
+        W, psi = self._split_areas
+        carriers = self._pressure_matrices[0]
+        return self.assemble_vector((W * values) @ psi)[carriers]
 
     @property
     def weighted_gap_system(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -555,7 +565,8 @@ class CondensedContact:
         They refer to the n nodes with a pressure unknown p. The weighted gaps are heights - delta *
         areas + A p >= 0, and areas . p is the force of the model domain.
         """
-        carriers, _, heights, areas, A, _ = self._weighted_gap_matrices
+        carriers, _, areas, A, _ = self._pressure_matrices
+        heights = self._weigh(self.tip.split_heights)
         trace = self.compliance.trace
         x = np.zeros((self.compliance.size, trace.dim - 1))
         x[trace.nodes] = trace.X[..., :-1]
@@ -566,7 +577,8 @@ class CondensedContact:
 
         The problem is p >= 0, p G = 0 and weighted gaps G = heights - delta * areas + A p >= 0.
         """
-        carriers, Q, heights, areas, A, tip_areas = self._weighted_gap_matrices
+        carriers, Q, areas, A, tip_areas = self._pressure_matrices
+        heights = self._weigh(self.tip.split_heights)
         p, solves = solve_complementarity(
             A,
             heights - self._weighted_approach(areas, tip_areas),
@@ -580,7 +592,8 @@ class CondensedContact:
 
     def _nodal_trial_pressure(self) -> np.ndarray:
         """Return the trial pressure at the pressure nodes, with the stiffness E*/h_contact."""
-        carriers, _, heights, areas, A, tip_areas = self._weighted_gap_matrices
+        carriers, _, areas, A, tip_areas = self._pressure_matrices
+        heights = self._weigh(self.tip.split_heights)
         p = self.lam[self.candidates[carriers]]
         scale = self.scene.physics.material.E_star / self.scene.sizes.h_contact
         gaps = heights - self._weighted_approach(areas, tip_areas) + A @ p
@@ -604,19 +617,16 @@ class CondensedContact:
 
     def _slope_force(self, axis: int) -> float:
         """Return the horizontal force of the pressure on the slope of the tip [force]."""
-        _, W, _ = self.quadrature
+        dim = self.compliance.trace.dim
+        if self.law.multiplier == "nodal":
+            points, _ = split_quadrature(dim)
+            slopes = self._weigh(self.tip.height_derivatives(points, axis))
+            return float(self.lam[self.candidates[self._pressure_matrices[0]]] @ slopes)
+        _, W = self._shapes_and_areas
         trial_pressure = self.friction.trial_pressure() if self.friction else self.trial_pressure()
-        # Central difference of the heights, which are smooth except at an apex or an edge.
-        step = 1e-5 * self.scene.sizes.h_contact
-        center = self.scene.physics.track.position(self.slide)
-        points, _ = contact_quadrature(self.compliance.trace.dim)
-        before, after = (
-            self._heights_below(
-                points, tuple(c + shift * (k == axis) for k, c in enumerate(center))
-            )
-            for shift in (-step, step)
-        )
-        return float((W * np.maximum(trial_pressure, 0.0) * (after - before)).sum() / (2 * step))
+        points, _ = contact_quadrature(dim)
+        slopes = self.tip.height_derivatives(points, axis)
+        return float((W * np.maximum(trial_pressure, 0.0) * slopes).sum())
 
     @property
     def multiplier(self) -> np.ndarray:

@@ -6,14 +6,13 @@ The set of candidate nodes is enlarged when the contact comes near its rim.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from indent_sim.fe.condensed.compliance import Condenser
 from indent_sim.fe.condensed.condensed_state import CondensedState
-from indent_sim.fe.condensed.contact import CondensedContact
+from indent_sim.fe.condensed.contact import CondensedContact, ContactState
 from indent_sim.fe.condensed.flat_contact import flat_contact_radius
 from indent_sim.fe.condensed.flat_punches import punches
 from indent_sim.fe.condensed.resting_body import RestingBodyCondenser
@@ -35,22 +34,6 @@ from indent_sim.scene.scene import Scene
 # Number of elements between the finely meshed part and the rim of the candidate nodes, which the
 # contact must not reach.
 CANDIDATE_MARGIN = 1.0
-
-
-@dataclass(frozen=True)
-class ContactForces:
-    """State of the contact: nodal forces, multiplier, depth and slide of the tip [length].
-
-    Nodal forces (axes, nodes) and multiplier (nodes,) are stored for all nodes of the contact
-    surface, so that they do not depend on the choice of candidates. `motion` is that of a body that
-    rests on a flat [length].
-    """
-
-    nodal: np.ndarray
-    lam: np.ndarray
-    depth: float
-    slide: float
-    motion: float
 
 
 BodyCondenser = Condenser | SoftTipCondenser | RestingBodyCondenser
@@ -85,7 +68,7 @@ class CondensedEquilibrium(Equilibrium):
         self._candidate_set_failure = ""
         self._recovered_body = RecoveredBody(self)
         # Last accepted equilibrium
-        self._accepted_forces: ContactForces | None = None
+        self._accepted_forces: ContactState | None = None
         self._condense(min(self._initial_radius(), self._largest_radius))
 
     def _initial_radius(self) -> float:
@@ -109,7 +92,7 @@ class CondensedEquilibrium(Equilibrium):
         compliance = self.condenser.condense(radius, self.scene.contact_track, axes)
         self.contact = CondensedContact(compliance, self.scene, self._iterations)
         self.contact_state = CondensedState(self.contact)
-        self._recent_trials: list[tuple[ContactForces, np.ndarray]] = []
+        self._recent_trials: list[tuple[ContactState, np.ndarray]] = []
         # Facets with a node that is no candidate
         is_outside = ~np.all(np.isin(self.condenser.facet_rows, compliance.candidates), axis=1)
         self._noncontact_trace = self.body.noncontact_trace.join(
@@ -169,17 +152,11 @@ class CondensedEquilibrium(Equilibrium):
         """
         assert dt == 0.0  # a condensed body does not depend on time
         contact = self.contact
-        forces = contact.forces
-        lam = contact.lam
-        last_depth = contact.depth
-        last_slide = contact.slide
-        last_motion = contact.motion
+        state_before = contact.state
         while self.contact.solve(depth, slide):
             if self._is_contact_inside():
                 return True
-            forces_before = _forces_on_surface(
-                contact, forces, lam, last_depth, last_slide, last_motion
-            )
+            forces_before = _forces_on_surface(contact, state_before)
             is_enlarged = self._enlarge_candidate_set()
             # A restart makes the result independent of the previous candidates
             self._set_trial_state(forces_before)
@@ -219,42 +196,35 @@ class CondensedEquilibrium(Equilibrium):
         """Return the flat punches of an axisymmetric body; see `condensed.flat_punches`."""
         return punches(self.contact)
 
-    def snapshot(self) -> ContactForces:
+    def snapshot(self) -> ContactState:
         """Return a copy of the present state."""
-        contact = self.contact
-        return _forces_on_surface(
-            contact, contact.forces, contact.lam, contact.depth, contact.slide, contact.motion
-        )
+        return _forces_on_surface(self.contact, self.contact.state)
 
-    def restore(self, state: ContactForces) -> None:
+    def restore(self, state: ContactState) -> None:
         """Set the present and the last accepted state to a snapshot."""
         self._set_trial_state(state)
         self._accept_state()
 
-    def _set_trial_state(self, state: ContactForces) -> None:
+    def _set_trial_state(self, state: ContactState) -> None:
         """Set the present state without changing the last accepted state."""
-        self.contact.forces = state.nodal[:, self.contact.candidates]
-        self.contact.lam = state.lam
-        self.contact.depth = state.depth
-        self.contact.motion = state.motion
-        self.contact.slide_tip(state.slide)
+        self.contact.restore(state._replace(forces=state.forces[:, self.contact.candidates]))
 
-    def extrapolate(self, depth: float, earlier: Sequence[ContactForces]) -> None:
+    def extrapolate(self, depth: float, earlier: Sequence[ContactState]) -> None:
         """Set the nodal forces to an extrapolation of earlier states to the given depth."""
         if self.contact.law.is_conservative:
             self.contact.predict_active_set(self._predicted_trial_pressure(earlier[-2:], depth))
         weights = lagrange_weights([state.depth for state in earlier], depth)
-        nodal = sum(weight * state.nodal for weight, state in zip(weights, earlier, strict=True))
+        nodal = sum(weight * state.forces for weight, state in zip(weights, earlier, strict=True))
         lam = sum(weight * state.lam for weight, state in zip(weights, earlier, strict=True))
         motion = sum(weight * state.motion for weight, state in zip(weights, earlier, strict=True))
         self._set_trial_state(
-            ContactForces(
+            ContactState(
                 np.asarray(nodal), np.asarray(lam), depth, earlier[-1].slide, float(motion)
             )
         )
 
     def _predicted_trial_pressure(
-        self, earlier: Sequence[ContactForces], depth: float
+        self, earlier: Sequence[ContactState], depth: float
     ) -> np.ndarray:
         """Extrapolate the trial pressure [pressure] of the last two states to the given depth."""
         trials = [self._trial_pressure(state) for state in earlier]
@@ -265,7 +235,7 @@ class CondensedEquilibrium(Equilibrium):
             max(trial.max(initial=0.0) for trial in trials),
         )
 
-    def _trial_pressure(self, state: ContactForces) -> np.ndarray:
+    def _trial_pressure(self, state: ContactState) -> np.ndarray:
         """Return the trial pressure of an earlier state; the last two results are cached."""
         for cached_state, trial in self._recent_trials:
             if cached_state is state:
@@ -334,18 +304,14 @@ class CondensedEquilibrium(Equilibrium):
         solution[moved] -= self.contact.base_approach
 
 
-def _forces_on_surface(
-    contact: CondensedContact,
-    forces: np.ndarray,
-    lam: np.ndarray,
-    depth: float,
-    slide: float,
-    motion: float,
-) -> ContactForces:
-    """Return the state of the whole contact surface for given forces on the candidate nodes."""
-    nodal = np.zeros((len(forces), len(lam)))
-    nodal[:, contact.candidates] = forces
-    return ContactForces(nodal, lam, depth, slide, motion)
+def _forces_on_surface(contact: CondensedContact, state: ContactState) -> ContactState:
+    """Return a state with its nodal forces at all nodes of the contact surface.
+
+    It does not depend on the choice of the candidates.
+    """
+    nodal = np.zeros((len(state.forces), len(state.lam)))
+    nodal[:, contact.candidates] = state.forces
+    return state._replace(forces=nodal)
 
 
 class RecoveredBody(WholeBody):

@@ -15,13 +15,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.sparse import diags
 from scipy.sparse.linalg import splu
 
-from indent_sim.fe.quadrature import contact_quadrature
+from indent_sim.fe.condensed.placed_tip import PlacedTip
 from indent_sim.fe.shape_functions import shape_functions
 from indent_sim.model.contact import SlipReference
 from indent_sim.model.contact_point import (
@@ -32,10 +32,25 @@ from indent_sim.model.contact_point import (
     step_fraction_at_contact,
 )
 
-QuadratureRule = tuple[np.ndarray, np.ndarray, np.ndarray]  # see `CondensedContact.quadrature`
-
 # Residual relative to the nodal forces at which Newton's method ends; a dense solve leaves less
 NODAL_FORCE_TOLERANCE = 1e-12
+
+
+class SurfacePoints(NamedTuple):
+    """Points of the contact surface at which the trial tractions are evaluated.
+
+    Attributes
+    ----------
+    N
+        Shape functions (points, nodes).
+    height, height_before
+        Heights of the tip above the undeformed surface (facets, points), now and in the accepted
+        state [length].
+    """
+
+    N: np.ndarray
+    height: np.ndarray
+    height_before: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -51,14 +66,14 @@ class AcceptedState:
         Multiplier (nodes,) [pressure].
     depth
         Indentation depth [length].
-    slide
-        Horizontal displacement of the tip [length].
+    tip
+        The tip at its horizontal position.
     """
 
     u: np.ndarray
     lam: np.ndarray
     depth: float
-    slide: float = 0.0
+    tip: PlacedTip
 
 
 @dataclass(frozen=True)
@@ -107,7 +122,7 @@ class CondensedFriction:
         axes = len(contact.compliance.is_constrained)
         self._is_constrained = contact.compliance.is_constrained[:, contact.candidates]
         self._accepted_state = AcceptedState(
-            np.zeros((1 + axes, self._node_count)), np.zeros(self._node_count), 0.0
+            np.zeros((1 + axes, self._node_count)), np.zeros(self._node_count), 0.0, contact.tip
         )
         self.set_slip_reference("implicit")
 
@@ -117,7 +132,7 @@ class CondensedFriction:
             self._displacements_along_tip(),
             self._contact.lam[self._contact.candidates],
             self._contact.depth,
-            self._contact.slide,
+            self._contact.tip,
         )
 
     def set_slip_reference(self, slip_reference: SlipReference) -> None:
@@ -134,7 +149,7 @@ class CondensedFriction:
 
     def _find_largest_passed_gap(self) -> None:
         self._largest_passed_gap = (
-            float(self._present_trial(self._contact.quadrature).passed_gap.max(initial=0.0)) or 1.0
+            float(self._present_trial(self._contact_points()).passed_gap.max(initial=0.0)) or 1.0
         )
 
     def _nodal_displacements(self) -> np.ndarray:
@@ -158,7 +173,7 @@ class CondensedFriction:
 
     def trial_pressure(self) -> np.ndarray:
         """Return the trial pressure at the contact quadrature points [pressure]."""
-        return self._present_trial(self._contact.quadrature).trial_pressure
+        return self._present_trial(self._contact_points()).trial_pressure
 
     def solve_newton(self, stiffness_factor: float) -> bool:
         """Solve for the nodal forces X = [int p N, int t N] by a semismooth Newton method.
@@ -173,11 +188,12 @@ class CondensedFriction:
         )
         D = self._inverse_masses - stiffness_factor * stiffnesses[:, None] * self._compliance.matrix
         X: np.ndarray = contact.forces.ravel()
+        points = self._contact_points()
         zero_force = contact.zero_tolerance(lambda F: np.abs(F).max(initial=0.0))
         residuals = list[float]()
         visited = list[bytes]()
         for _ in range(50):
-            trial = self._evaluate_trial(D @ X, contact.quadrature, stiffness_factor)
+            trial = self._evaluate_trial(D @ X, points, stiffness_factor)
             load = self._nodal_loads(trial)
             residual = np.abs(X - load).max(initial=0.0)
             smallest_residual = min(residuals, default=np.inf)
@@ -234,28 +250,30 @@ class CondensedFriction:
 
         return project
 
+    def _contact_points(self) -> SurfacePoints:
+        """Return the contact quadrature points."""
+        N, _, height = self._contact.quadrature
+        return SurfacePoints(N, height, self._accepted_state.tip.quadrature_heights)
+
     def _evaluate_trial(
         self,
         nodal: np.ndarray,
-        rule: QuadratureRule,
+        points: SurfacePoints,
         stiffness_factor: float = 1.0,
-        points: np.ndarray | None = None,
     ) -> TrialTraction:
-        """Evaluate the trial tractions at the points of a quadrature rule.
+        """Evaluate the trial tractions at points of the contact surface.
 
         Parameters
         ----------
         nodal
             The part of the trial tractions (m nodes,) that is interpolated from the nodes
             [pressure]; tip height, depth and slip reference are added at the points.
-        rule
-            Shape functions, weighted areas and heights at the points.
+        points
+            The points.
         stiffness_factor
             Factor of both stiffnesses of the law.
-        points
-            The points, if they are not those of the contact quadrature.
         """
-        N, _, height = rule
+        N, height, height_before = points
         depth = self._contact.depth
         epsilon_n = stiffness_factor * self._law.stiffness
         epsilon_t = stiffness_factor * self._law.epsilon_t
@@ -266,14 +284,6 @@ class CondensedFriction:
         )
         trial_pressure = trial_pressure - epsilon_n * (height - depth)
         open_displacement = accepted.u[0] - accepted.lam / self._law.stiffness
-        height_before = (
-            height
-            if accepted.slide == self._contact.slide
-            else self._contact.tip_heights(
-                contact_quadrature(self._compliance.trace.dim)[0] if points is None else points,
-                accepted.slide,
-            )
-        )
         initial_gap = open_displacement[nodes] @ N.T + height_before - accepted.depth
         is_new = is_new_contact(initial_gap, depth - accepted.depth)
         passed_gap_values = np.asarray(passed_gap(initial_gap, is_new, trial_pressure, epsilon_n))
@@ -338,11 +348,11 @@ class CondensedFriction:
         """Return friction p - |t_hat| (facets, points) [pressure], >= 0 at sticking points."""
         return np.asarray(
             self._present_trial(
-                (
+                SurfacePoints(
                     shape_functions(points),
-                    *self._contact.quadrature_rule(points, np.ones(len(points))),
-                ),
-                points,
+                    self._contact.tip.heights(points),
+                    self._accepted_state.tip.heights(points),
+                )
             ).stick_margin
         )
 
@@ -359,7 +369,7 @@ class CondensedFriction:
             return 0.0
         if is_implicit := self._contact.scene.physics.slip_reference == "implicit":
             self._find_largest_passed_gap()
-        trial = self._present_trial(self._contact.quadrature)
+        trial = self._present_trial(self._contact_points())
         displacement = (self._displacements_along_tip()[1:] - self._accepted_state.u[1:])[
             :, self._contact.nodes
         ] @ N.T
@@ -376,15 +386,10 @@ class CondensedFriction:
         )
         return float((W * (heat + is_implicit * (trial.trial_pressure <= 0) * leaving_heat)).sum())
 
-    def _present_trial(
-        self, rule: QuadratureRule, points: np.ndarray | None = None
-    ) -> TrialTraction:
-        """Evaluate the trial tractions for the present nodal forces at quadrature points.
-
-        See `_evaluate_trial` for the parameters.
-        """
+    def _present_trial(self, points: SurfacePoints) -> TrialTraction:
+        """Evaluate the trial tractions of the present nodal forces; see `_evaluate_trial`."""
         u = self._nodal_displacements()
         lam = self._contact.lam[self._contact.candidates]
         trial_pressure = lam - self._law.stiffness * u[0]
         t_hat = self.nodal_shear()[:, self._contact.candidates] - self._law.epsilon_t * u[1:]
-        return self._evaluate_trial(np.array([trial_pressure, *t_hat]), rule, points=points)
+        return self._evaluate_trial(np.array([trial_pressure, *t_hat]), points)

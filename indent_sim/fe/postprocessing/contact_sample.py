@@ -178,7 +178,7 @@ def gap_of_displacement(
     def horizontal_position(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         return physics.domain.kinematics.horizontal_position(components_first(x), body.tip_center)
 
-    if physics.gap == "current" and physics.indenter.lens:
+    if physics.gap == "current" and physics.indenter.elastic_part:
         r, _ = horizontal_position(X + u)
         tip_height = physics.indenter.height(r, 0.0 * r) + body.tip_displacement(r)
         return tip_height - body.depth - X[..., -1] - u[..., -1]
@@ -187,7 +187,7 @@ def gap_of_displacement(
         return gap_current(physics.indenter, x, y, X[..., -1] + u[..., -1], body.depth)
     x, y = horizontal_position(X)
     gap = gap_reference(physics.indenter, x, y, X[..., -1], 0.0) - body.depth - u[..., -1]
-    return gap + body.tip_displacement(x) if physics.indenter.lens else gap
+    return gap + body.tip_displacement(x) if physics.indenter.elastic_part else gap
 
 
 def _area_ratio(

@@ -86,4 +86,4 @@ def _depth_inside_tip(body: ObservedBody, positions: np.ndarray) -> tuple[np.nda
     indenter = body.scene.physics.indenter
     inside = positions[..., -1] + body.depth - indenter.height(*horizontal)
     distance = np.hypot(*horizontal)
-    return inside - body.tip_displacement(distance) if indenter.lens else inside, distance
+    return inside - body.tip_displacement(distance) if indenter.elastic_part else inside, distance

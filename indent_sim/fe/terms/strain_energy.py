@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cached_property, reduce
+from typing import NamedTuple
 
 import numpy as np
 import ufl
@@ -37,6 +38,30 @@ def pressure_fields(scene: Scene) -> list[Field]:
     return [
         Field(name, DISPLACEMENT_ORDER - 1, domain=(region,), weight=E) for name, region in mixed
     ]
+
+
+class CellSample(NamedTuple):
+    """Fields of a region whose mean over points stands for a cell.
+
+    Attributes
+    ----------
+    points : ndarray, (points, dim)
+        Points of the reference cell.
+    weights : ndarray, (points,)
+        Weights of the points, whose sum is 1.
+    stress : Expr
+        Cauchy stress (3, 3) [pressure].
+    psi : Expr
+        Strain energy density [pressure].
+    plastic_strain : Expr or None
+        Equivalent plastic strain; None in a region that does not yield.
+    """
+
+    points: np.ndarray
+    weights: np.ndarray
+    stress: Expr
+    psi: Expr
+    plastic_strain: Expr | None = None
 
 
 class StrainEnergy(Term):
@@ -97,6 +122,13 @@ class StrainEnergy(Term):
     def _stress_of(self, potential: Expr, H: Expr) -> Expr:
         """Return the first Piola-Kirchhoff stress (3, 3) for the potential density at any point."""
         return ufl.diff(potential, H)
+
+    @property
+    def cell_sample(self) -> CellSample:
+        """The fields that stand for a cell: those at its centroid."""
+        dim = self.body.body_mesh.dim
+        centroid = np.full((1, dim), 1 / (dim + 1))
+        return CellSample(centroid, np.ones(1), self.stress, self.psi)
 
     @cached_property
     def cells(self) -> np.ndarray:

@@ -274,6 +274,10 @@ def _draw_theory(axes: Axes, theory: Report, depth: Axis, force: Axis) -> None:
             deviation_text = f", depth of this run {theory['delta_deviation']:+.2%}"
         label = picture_text(f"{theory.get('name', 'theory')}{deviation_text}", max_letters)
         axes.plot(*drawn, **THEORY_STYLE, label=label)
+        if error := theory.get("error"):
+            along, middle = drawn
+            ends = middle * (1 - error), middle * (1 + error)
+            axes.fill_between(along, *ends, color=THEORY_STYLE["color"], alpha=0.15, lw=0)
     if half_space := theory.get("half_space"):
         deviation = half_space.get("deviation")
         deviation_text = "" if deviation is None else f": {_deviation_text(deviation)}"

@@ -120,6 +120,19 @@ def halve_increments(scene: Scene) -> Scene | None:
     )
 
 
+def with_solved_depths(scene: Scene, states: States) -> Scene:
+    """Return the scene with the depths of its rows as they were solved, if they are searched for.
+
+    Other increments on the same depths differ by the error of the increments alone.
+    """
+    physics = scene.physics
+    if not physics.searches_unloading_depths:
+        return scene
+    depths = [state.delta / physics.scales.depth for state in states if state.converged]
+    path = replace(physics.path.with_first_values(depths), unloading=None)
+    return scene.replace_physics(path=path, deltas=path.values)
+
+
 def double_bath_ramp(scene: Scene) -> Scene | None:
     """Return the scene with a bath ramp of twice the duration; None without a bath ramp."""
     ramp = scene.physics.bath_ramp

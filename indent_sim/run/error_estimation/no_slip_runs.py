@@ -82,7 +82,7 @@ def _frictionless_scene(scene: Scene) -> Scene | None:
     an iteratively solved scene exceeds the memory with a direct solver.
     """
     physics = scene.physics
-    if physics.is_path_dependent or physics.indenter.lens or physics.domain.pins:
+    if physics.is_path_dependent or physics.indenter.elastic_part or physics.domain.pins:
         return None
     if scene.solver.linear == "iterative":
         direct_scene = _direct_solver_scene(scene)

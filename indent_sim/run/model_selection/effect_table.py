@@ -14,11 +14,12 @@ from typing import Any
 
 from indent_sim.config.schema import Config, MeshSettings
 from indent_sim.model.body import Cylinder
-from indent_sim.model.contact import Friction
+from indent_sim.model.contact import AugmentedLagrangian, Friction
 from indent_sim.model.experiment import Calibration
 from indent_sim.model.imported_body import MeshFromFile
 from indent_sim.model.layers import Layer
 from indent_sim.model.linear_elasticity import LinearElastic
+from indent_sim.model.loading import Loading
 from indent_sim.model.spherical_bodies import Ball, Cap
 from indent_sim.model.tilted_tip import largest_tilt, tilted
 from indent_sim.model.tips import (
@@ -182,7 +183,7 @@ def _strain_source(v: SceneVariants) -> str:
 def _strain_variant(v: SceneVariants, scene: Config, **contact: Any) -> Config:
     """Return a scene with the friction or adhesion of the contact, on the common mesh."""
     tip: Any = _finite_strain_tip(v)
-    if tip.lens:
+    if tip.elastic_part:
         # Body and tip have laws of the same kind.
         pressed: Any = scene.indenter
         tip = replace(tip, material=pressed.material)
@@ -286,6 +287,44 @@ def _tilt_source(v: SceneVariants) -> str:
     return (
         "estimate by the upright tip with the cross-sections of the tilted one: "
         f"{percent:+.2g} % at {usual:.3g} degrees{v.stand_in_text}"
+    )
+
+
+def _slide_variant(v: SceneVariants, **contact: Any) -> Config:
+    """Return the linear scene of the given body and tip that slides along the first stretch.
+
+    It is pressed to the largest depth, which is held, on the elements of the scene.
+    """
+    slide: Any = v.config.loading.slide
+    # The force at the end of the slide does not depend on the number of increments before it.
+    press_steps = 4
+    loading = Loading(delta=v.delta, steps=press_steps, slide=replace(slide, to=slide.ends[:1]))
+    scene = change_materials(v.single_step_scene, linear_law)
+    size = v.scene.sizes.h_contact * v.scene.physics.scales.length
+    return replace_sections(
+        scene,
+        indenter=v.config.indenter,
+        tilt=v.config.tilt,
+        tilt_towards=v.config.tilt_towards,
+        loading=loading,
+        mesh=MeshSettings(h_contact=size),
+        contact=AugmentedLagrangian(**contact),
+    )
+
+
+def _largest_side_force(v: SceneVariants) -> str:
+    """Return text on the largest side force that friction allows."""
+    if isinstance(v.friction, str):
+        return "the surface sticks, so that nothing but the slide limits the side force"
+    return f"friction allows a side force of at most {v.friction:g} times the force"
+
+
+def _slide_source(v: SceneVariants) -> str:
+    """Return the description of the comparison of a slide with and without friction."""
+    return (
+        f"friction {v.friction} relative to no friction at the end of the first stretch of the "
+        "slide, at the largest depth, on one mesh at small strain; beside this change of the force "
+        f"{_largest_side_force(v)}"
     )
 
 
@@ -599,7 +638,7 @@ EFFECTS: dict[str, Cases] = {
             "the soft tip relative to a rigid one, on one mesh{v.stand_in_text}",
             lambda v: v.meshed_variant(v.linear_scene),
             lambda v: v.meshed_variant(v.with_rigid_tip(v.linear_scene)),
-            when=lambda v: v.config.indenter.lens,
+            when=lambda v: v.config.indenter.elastic_part,
         ),
         Unknown(
             "there is no theory of this tip and body",
@@ -647,6 +686,24 @@ EFFECTS: dict[str, Cases] = {
             initial=lambda v: 0.1 * _largest_estimated_tilt(v),
             max_value=_largest_estimated_tilt,
         ),
+    ),
+    "lateral": (
+        Comparison(
+            _slide_source,
+            lambda v: _slide_variant(v, friction=v.friction),
+            lambda v: _slide_variant(v),
+            when=lambda v: v.config.loading.slide and v.friction,
+        ),
+        Absent(
+            "the tip slides without friction, so that only the pressure on its slope pushes it "
+            "sideways",
+            when=lambda v: v.config.loading.slide,
+        ),
+        Absent(
+            lambda v: f"nothing moves the tip sideways; {_largest_side_force(v)}",
+            when=lambda v: v.friction,
+        ),
+        Absent("nothing moves the tip sideways, and there is no friction"),
     ),
     "surface_tension": (
         Comparison(

@@ -120,13 +120,6 @@ def require(config: Config, within: float = 0.01) -> Requirements:
 
 def _requirements(config: Config, within: float) -> Requirements:
     """Return the requirements of a scene; see `require`."""
-    if config.loading.slide is not None:
-        raise ConfigError(
-            "loading.slide",
-            "has a side force, but models are compared by their force at one depth, which hardly "
-            "depends on friction",
-            "leave it out to find the simplest model for the force alone",
-        )
     scene = resolve(config)
     if scene.physics.yields:
         raise ConfigError(
@@ -343,6 +336,9 @@ def _candidate_models(
     may_be_sphere = isinstance(config.indenter, Paraboloid) and not config.tilt
     tips = (False, True) if may_be_sphere else (False,)
     contacts = (True, False) if contact_extra else (True,)
+    if contact_extra and config.loading.slide:
+        # The force hardly depends on friction, on which the side force of a slide depends.
+        contacts = (False,)
     for is_finite_variant, body, has_sphere, is_plain in product(strains, bodies, tips, contacts):
         # Theory solves unbounded bodies at small strain without friction and adhesion only.
         if body in UNBOUNDED_NAMES and (is_finite_variant or not is_plain):
@@ -428,6 +424,8 @@ def _recommendation_text(
         text += f"{_deviation_text(model)}."
     else:
         text += "nothing simpler is within the tolerance."
+    if config.loading.slide and contact_extra:
+        text += " The side force of the slide needs the friction, whatever the force needs."
     # The row "stick" tells the effect of any friction only if the scene has none.
     slip_effect = "friction" if effects["friction"].is_possible else "stick"
     # Effects that the scene can have, but none of the candidate models.

@@ -114,7 +114,7 @@ def change_laws(config: Config, change: LawChange, **sections: Any) -> Config:
     Parameters as in `change_materials`.
     """
     tip: Any = config.indenter
-    if tip.lens:
+    if tip.elastic_part:
         sections["indenter"] = replace(tip, material=change(tip.material))
     return change_materials(config, change, **sections)
 

@@ -66,6 +66,7 @@ class NodalContact(Term):
             [gap.g, *_scalar_components(gap.normal), *_scalar_components(gap.hessian)]
         )
         self._gap_values = FacetValues(body.mesh, facets, fields, self._points)
+        self._lateral_values = self._lateral_facet_values(gap)
         self.lam_dofs = body.unknowns.dofs("lam")[
             facet_nodes(body.mesh, body.unknowns.collapsed_space("lam"), facets)
         ]
@@ -92,6 +93,25 @@ class NodalContact(Term):
         self._summed_areas = sum_nodal_contributions(body.x, self.lam_dofs, self._nodal_areas)[
             self.lam_dofs
         ]
+
+    def _lateral_facet_values(self, gap: Gap) -> FacetValues | None:
+        """Return values of gap, lever and slopes of a tilted or sliding tip; None for others.
+
+        The slopes are those of the gap with the position of the tip along the horizontal axes.
+        The gap is among the values because a kernel needs the constants that the derivatives lack:
+        dolfinx numbers those of an expression before it is differentiated, and the kernel after.
+        """
+        physics = self.body.scene.physics
+        if not physics.has_moment:
+            return None
+        axes = range(self.body.body_mesh.dim - 1)
+        if physics.slides:
+            slopes = [gap.slide_derivative(axis) for axis in axes]
+        else:
+            slopes = [-gap.normal[axis] for axis in axes]
+        values = ufl.as_vector([gap.g, gap.lever, *slopes])
+        facets = self.body.body_mesh.surfaces["top"]
+        return FacetValues(self.body.mesh, facets, values, self._points)
 
     def virtual_work(self, now: TimeLevel, before: TimeLevel, dt: fem.Constant) -> None:
         """Return None, because `add_residual` assembles the residual without a UFL form."""
@@ -210,10 +230,31 @@ class NodalContact(Term):
 
     def force(self) -> float:
         """Vertical force of the pressures, -int p_h dg/dz dGamma [force], this rank's part."""
+        # The difference from 0.0 is not -0.0 where nothing is in contact
+        return 0.0 - float(self._vertical_loads().sum())
+
+    def moment(self) -> float:
+        """Moment of the vertical force of the pressures [force length], this rank's part."""
+        if self._lateral_values is None:
+            return 0.0
+        return 0.0 - float((self._vertical_loads() * self._lateral_values()[..., 1]).sum())
+
+    def side_force(self, axis: int) -> float:
+        """Horizontal force of the pressures on the tip along an axis [force], this rank's part.
+
+        If the tip slides it is -dPi/dx, which includes the slope of the tip with a reference gap.
+        """
+        if self._lateral_values is None:
+            return 0.0
+        slope = self._lateral_values()[..., 2 + axis]
+        p_h = self.nodal_pressures() @ self._psi.T
+        return float((self._weights * p_h * slope).sum())
+
+    def _vertical_loads(self) -> np.ndarray:
+        """Pressures times dg/dz and weights at the quadrature points (facets, points) [force]."""
         _, normal, _ = self._evaluate_gap()
         p_h = self.nodal_pressures() @ self._psi.T
-        # The difference from 0.0 is not -0.0 where nothing is in contact
-        return 0.0 - float((self._weights * p_h * normal[..., -1]).sum())
+        return np.asarray(self._weights * p_h * normal[..., -1])
 
 
 def _scalar_components(expression: Expr) -> list[Expr]:

@@ -62,7 +62,7 @@ class Gap:
 
     @property
     def lever(self) -> Expr:
-        """Distance of the point from the tip's center along the tilt [length]."""
+        """Distance of the point from the tip's axis in the direction of the moment [length]."""
         e, g = self._lever_axis
         return e * self._horizontal[0] + g * self._horizontal[1]
 
