@@ -154,7 +154,7 @@ def test_every_rule_is_tried() -> None:
     """Every check of a single state is tried here.
 
     Those of a path are tried below, and those of a tip that slides and of a soft tip in
-    tests/physics/test_slide.py and test_soft_tips.py.
+    tests/physics/test_slide.py and test_soft_tips_at_finite_strain.py.
     """
     base = scene()
     states = [replace(theorys(base, 0.1), **change) for change, _ in WRONG.values()]
