@@ -182,7 +182,12 @@ def _strain_source(v: SceneVariants) -> str:
 
 def _strain_variant(v: SceneVariants, scene: Config, **contact: Any) -> Config:
     """Return a scene with the friction or adhesion of the contact, on the common mesh."""
-    scene = replace_sections(scene, indenter=_finite_strain_tip(v))
+    tip: Any = _finite_strain_tip(v)
+    if tip.elastic_part:
+        # Body and tip have laws of the same kind.
+        pressed: Any = scene.indenter
+        tip = replace(tip, material=pressed.material)
+    scene = replace_sections(scene, indenter=tip)
     return v.meshed_variant(scene, **contact, **v.friction_or_adhesion)
 
 
