@@ -221,3 +221,20 @@ def test_yield_stress_that_an_elastic_body_requires() -> None:
     punch = {"indenter": {"shape": "flat_punch", "radius": 1.0}}
     flat = config_from_mapping(document | punch)
     assert not np.isfinite(significant_yield_stress(SceneVariants(flat, resolve(flat))))
+
+
+@pytest.mark.verify
+def test_random_loops_end() -> None:
+    """Loops of 60 random materials, tips and layers in ten rows and out in three.
+
+    All rows converge, in at most 10 Newton iterations a row in the median of a loop for half of the
+    loops, and 90 % of the loops are solved without a cut of an increment.
+    """
+    medians, cut_count = [], 0
+    for seed in range(100, 160):
+        rows = list(pipeline.states(resolve(random_loop(seed, 10, has_layers=True))))
+        assert all(row.converged for row in rows), seed
+        medians.append(np.median([row.newton_iterations for row in rows]))
+        cut_count += any(row.substeps > 1 for row in rows)
+    assert np.median(medians) <= 10
+    assert cut_count <= 6
