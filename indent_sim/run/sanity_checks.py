@@ -371,6 +371,31 @@ def _check_plastic_work(scene: Scene, state: State, earlier: PreviousRows) -> st
     )
 
 
+def _check_soft_tip(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
+    """Check the parts of depth and energy of a soft tip on the mesh of the body.
+
+    Both bodies are elastic and share depth and energy, and during loading the energy is the work.
+    The work is the integral of the force over the rows by trapezoids, whose error is estimated.
+    """
+    if state.tip_sink is None or state.tip_energy is None or not scene.has_two_body_mesh:
+        return None
+    # Tolerance relative to F delta, as in `_check_energy`.
+    tolerance = 0.02
+    if not -tolerance * state.delta <= state.tip_sink <= (1 + tolerance) * state.delta:
+        return f"the soft tip is pressed in by {state.tip_sink:.6g}, which is no part of the depth"
+    if not -tolerance * state.energy <= state.tip_energy <= (1 + tolerance) * state.energy:
+        return (
+            f"the energy {state.tip_energy:.6g} of the soft tip is no part of that of both bodies, "
+            f"{state.energy:.6g}"
+        )
+    if state.delta <= max(earlier.max_depth, 0.0) or earlier.has_turned:
+        return None
+    work, error = earlier.work_to(state)
+    if abs(work - state.energy) <= tolerance * state.force * state.delta + error:
+        return None
+    return f"the work of the tip is {work:.6g}, but the energy of both bodies is {state.energy:.6g}"
+
+
 def _check_dissipation_growth(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
     """Check that the energy dissipated by plastic flow does not fall."""
     last = earlier.last
@@ -442,6 +467,7 @@ CONTACT_RULES: Rules = (
     _check_energy,
     _check_side_force,
     _check_plastic_work,
+    _check_soft_tip,
     _check_dissipation_growth,
     _check_force_follows_depth,
     _check_elastic_bound,

@@ -125,14 +125,13 @@ class SingleRun:
         run_output = self.run_output
         scene = self.scene
         clock = self.clock
-        domain = scene.physics.domain
         # Gmsh meshes in its own process while the libraries load.
         mesh_task: Any = run_on_root(run_output.comm, scene.start_meshing)
         with clock.stage("imports"):
             fe = backend()
         with clock.stage("mesh"):
             grid = run_on_root(run_output.comm, mesh_task)
-            self._mesh = mesh = fe.distribute(grid, domain, run_output.comm)
+            self._mesh = mesh = fe.distribute_scene(scene, grid, run_output.comm)
         with clock.stage("assemble"):
             self._solver = fe.create_load_stepper(scene, mesh, clock.started - earlier_seconds)
             self._use_history_solver(earlier_seconds)

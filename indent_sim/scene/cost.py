@@ -121,6 +121,16 @@ def predict_cost(sizes: Sizes, domain: ModelDomain, work: SolverWork) -> Cost:
     )
 
 
+def add_tip_cost(body: Cost, tip: Cost) -> Cost:
+    """Return the cost of a body and of a soft tip on the same mesh, from those of each alone."""
+    return Cost(
+        body.cells + tip.cells,
+        body.dofs + tip.dofs,
+        body.memory + tip.memory - PROCESS_MEMORY,
+        body.seconds + tip.seconds - START_SECONDS,
+    )
+
+
 def _memory_and_seconds(
     sizes: Sizes, domain: ModelDomain, work: SolverWork, dofs: float
 ) -> tuple[float, float]:

@@ -115,12 +115,14 @@ class Fields:
         nodes, u, touched_nodes, surface_tractions, cells, cell_values = (
             np.concatenate(column) for column in zip(*parts, strict=True)
         )
-        stress, cell_scalars = np.split(_sort_to_grid(cells, cell_values), [9], axis=1)
+        # The grid is that of the body, which comes before a soft tip on the same mesh.
+        counts = self.body.body_mesh.body_counts or (mesh.topology.index_map(0).size_global, None)
+        point_count, cell_count = counts
+        stress, cell_scalars = np.split(_sort_to_grid(cells, cell_values)[:cell_count], [9], axis=1)
         # A body with pore fluid does not yield
         last_name = "plastic_strain" if self.body.scene.physics.yields else "fluid_content"
         # Midpoints of curved cells come after the vertices
         dim = self.body.body_mesh.dim
-        point_count = mesh.topology.index_map(0).size_global
         displacement, fluid = np.split(_sort_to_grid(nodes, u)[:point_count], [dim], axis=1)
         tractions = [
             _nodal_means(touched_nodes, column, len(displacement)) for column in surface_tractions.T

@@ -157,6 +157,14 @@ class StrainEnergy(Term):
         """Second variation of the energy along `now.test` and `now.trial`, a UFL form."""
         return self.body.region_integral(variations(self._energy_density, now)[1], self.region)
 
+    @cached_property
+    def _energy_form(self) -> fem.Form:
+        return compile_form(self.energy)
+
+    def value(self) -> float:
+        """Strain energy of the region [energy], this rank's part in the model domain."""
+        return float(fem.assemble_scalar(self._energy_form))
+
     def find_inverted_elements(self) -> InvertedElements | None:
         """Find the smallest J = det F and the largest principal stretch (collective).
 
