@@ -913,8 +913,8 @@ def compare(
     "--what",
     callback=parse_words,
     help="Panels, separated by commas: force, time, pressure, pressure_x, pressure_y, profile, "
-    "fields, film; for a study one of curves, force, a, p_max, penetration; for a fitted map "
-    "modulus, height, interval, cause, histogram.",
+    "hardness, fields, film; for a study one of curves, force, a, p_max, penetration; for a fitted "
+    "map modulus, height, interval, cause, histogram.",
 )
 @click.option(
     "--field",

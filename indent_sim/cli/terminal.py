@@ -456,6 +456,7 @@ def hardness_text(result: Hardness) -> str:
             for name, truth in result.truth.items()
         ]
         lines += ["", _align_columns(truth_rows, "<")]
+        lines += [result.formula_error] if result.formula_error else []
     return "\n".join(lines)
 
 

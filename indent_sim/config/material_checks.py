@@ -188,9 +188,10 @@ def plasticity_errors(config: SceneSections) -> Iterator[ConfigError]:
         problem = "is simulated with the load curve of a linear body, but this one yields"
         remedy = "leave it out; for a compliant frame use hardness --frame-compliance"
         yield ConfigError("experiment", problem, remedy)
-    if config.accuracy is not None:
-        problem = "refines the mesh only, and not the load increments of a body that yields"
-        yield ConfigError("accuracy", problem, "leave it out; --error-bars estimates the errors")
+    refines_increments = config.loading.given_path_keys[:1] in (("delta",), ("deltas",))
+    if config.accuracy is not None and not refines_increments:
+        problem = "of a body that yields refines the increments of prescribed depths only"
+        yield ConfigError("accuracy", problem, "give depths, or --error-bars in place of it")
     if isinstance(config.contact, Nitsche):
         problem = "nitsche uses the stress of the body, which yields"
         yield ConfigError("contact.method", problem, "use augmented_lagrangian")

@@ -75,7 +75,8 @@ from indent_sim.fitting.inference.model_assessment import (
     width_inflation_factors,
 )
 from indent_sim.fitting.inference.profile_likelihood import add_profile_intervals
-from indent_sim.process.errors import ConfigError
+from indent_sim.process.errors import ConfigError, UsageError
+from indent_sim.results.measured.indentation_cycle import indentation_cycle
 from indent_sim.results.measured.measurement import CurvePart, MeasuredCurve, NoCurve
 from indent_sim.results.pictures.axes import scaled_axis
 from indent_sim.results.reader import Results
@@ -189,8 +190,11 @@ def fit_curve(curve: MeasuredCurve, request: FitRequest, tables: ForwardModelCac
     start_time = time.process_time()
     try:
         with np.errstate(all="ignore"):
+            converted = convert_to_scene_units(curve, request.config)
+            if yields(request.config):
+                converted = _with_parts_by_force(converted)
             return _fit_and_assess(
-                convert_to_scene_units(curve, request.config).part(request.curve_part),
+                converted.part(request.curve_part),
                 request,
                 tables,
                 start_time,
@@ -205,6 +209,23 @@ def fit_curve(curve: MeasuredCurve, request: FitRequest, tables: ForwardModelCac
             f"the fit failed numerically ({error_text}); check the columns and units of the curve"
         )
         return rejected_fit(curve.name, reason, time.process_time() - start_time)
+
+
+def _with_parts_by_force(curve: MeasuredCurve) -> MeasuredCurve:
+    """Return the curve of a body that yields with its parts found by the force.
+
+    Such a body recovers by some per cent of the depth, so that by its depth unloading is a hold.
+    """
+    depth = curve.abscissa_values(curve.available_abscissa("delta"))
+    try:
+        cycle = indentation_cycle(depth - depth.min(), curve.force - curve.force.min())
+    except UsageError as error:
+        raise NoCurve(str(error)) from None
+    # With noise the largest force is not where the tip turns, which the depth shows.
+    deepest = int(np.argmax(depth[: cycle.end]))
+    first = deepest if cycle.hold_start is None else min(cycle.hold_start, deepest)
+    parts = {"approach": slice(0, first + 1), "retract": slice(deepest + 1, cycle.end)}
+    return replace(curve, parts=parts)
 
 
 def convert_to_scene_units(curve: MeasuredCurve, config: Config) -> MeasuredCurve:

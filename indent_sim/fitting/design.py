@@ -475,7 +475,7 @@ def _coordinate_covariance(estimate: Estimate) -> np.ndarray:
     k = model.coordinate_count
     covariance: np.ndarray = estimate.uncertainty.s2 * inverse[:k, :k]
     force = model.contact_force(estimate.p)
-    errors = (model.forward_model.relative_error * force, model.unloading_error(estimate.p))
+    errors = (model.forward_model.relative_error * force, *model.unloading_errors(estimate.p))
     for error in errors:
         shift = (inverse @ (J.T @ error))[:k] / NORMAL_95
         covariance = covariance + np.outer(shift, shift)

@@ -32,5 +32,7 @@ LOOP_NODES = 4
 LOOP_LOG_STEP = 0.5
 LOOP_CURVATURE_ERROR = 0.005
 LOOP_STIFFNESS_ERROR = 0.005
+# Relative error of the recovery at which the contact is lost, by the scatter of the runs.
+LOOP_RECOVERY_ERROR = 0.03
 # CPU time [s] of a run of such a loop, 13 to 27 s for E/yield_stress of 12 to 1100.
 LOOP_SECONDS = 15.0

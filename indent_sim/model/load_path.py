@@ -144,7 +144,9 @@ class LoadPath:
     @property
     def is_increasing(self) -> bool:
         """True if the values increase strictly."""
-        return not any(self.turns) and all(b > a for a, b in pairwise(self.values))
+        steps = range(1, len(self.values) + 1)
+        values = [value for step in steps for value, _ in self.segment(step)]
+        return all(b > a for a, b in pairwise(values))
 
     @property
     def hold_count(self) -> int:

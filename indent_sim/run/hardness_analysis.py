@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from indent_sim.config.key_types import join_words
 from indent_sim.config.quantities import convert_quantity, si_factor
 from indent_sim.config.schema import Config
 from indent_sim.model.gel import Gel
@@ -55,6 +56,8 @@ QUANTITIES = {
 # from hold to unloading is over, down to 40 %, above which the contact changes so little that the
 # curve is a power law. This is the usual choice for tests by ISO 14577-1; 20 % is also common.
 DEFAULT_TOP = (0.98, 0.40)
+# The same for a run with few rows of unloading.
+RUN_TOP = (1.0, 0.05)
 # Poisson's ratio of a sample of unknown material; the modulus is 5.5 % larger for 0.2 and 7.7 %
 # smaller for 0.4.
 ASSUMED_NU = 0.3
@@ -133,6 +136,8 @@ class Hardness:
     truth
         For a simulated curve, by quantity: the value that the run knows, and the ratio of the
         formula's value to it.
+    formula_error
+        For a simulated curve, by how much the formulas are wrong for this material; otherwise "".
     """
 
     curve: str
@@ -142,6 +147,7 @@ class Hardness:
     assumptions: dict[str, str]
     warnings: tuple[str, ...]
     truth: dict[str, dict[str, float]] = field(default_factory=dict)
+    formula_error: str = ""
 
     def as_json(self) -> dict[str, Any]:
         """Return all parts under their names."""
@@ -262,7 +268,8 @@ def analyse(path: Path, options: HardnessOptions) -> Hardness:
     depth, corrections = _corrected_depth(curve, options)
     _check_range(depth, curve.F)
     cycle = indentation_cycle(depth, curve.F, curve.results is None)
-    fit = _fit(cycle, options.top)
+    top = _fitted_part(curve, cycle, options.top)
+    fit = _fit(cycle, top)
     epsilon, epsilon_words = _epsilon(options.epsilon, fit.exponent)
     area = _area_function(curve, options)
     nu, nu_words = _poisson_ratio(curve, options)
@@ -281,7 +288,7 @@ def analyse(path: Path, options: HardnessOptions) -> Hardness:
         *_pile_up_warnings(fit),
         *_tip_rounding_warnings(curve, area, values["h_c"] or nan),
     ]
-    high, low = options.top
+    high, low = top
     assumptions = {
         "area": area.words,
         "nu": nu_words,
@@ -292,7 +299,16 @@ def analyse(path: Path, options: HardnessOptions) -> Hardness:
     } | corrections
     truth = {} if curve.results is None else _truth(curve, values, pressure)
     units = _unit_names(curve.units, pressure.name)
-    return Hardness(curve.name, values, errors, units, assumptions, tuple(warnings), truth)
+    return Hardness(
+        curve.name,
+        values,
+        errors,
+        units,
+        assumptions,
+        tuple(warnings),
+        truth,
+        _formula_error(truth),
+    )
 
 
 def _check_factors(options: HardnessOptions) -> None:
@@ -441,6 +457,17 @@ def _number(key: str, text: str, dimension: str, units: Mapping[str, str]) -> fl
     if not isfinite(value):
         raise ConfigError(key, f"'{text}' is not a finite number")
     return value
+
+
+def _fitted_part(
+    curve: _TestCurve, cycle: IndentationCycle, top: tuple[float, float]
+) -> tuple[float, float]:
+    """Return the fitted part of unloading: that of the options, or more of a run with few rows.
+
+    The rows of a run have no noise and no transition from a hold to unloading.
+    """
+    has_few_rows = len(cycle.h[cycle.upper_part(top[1], top[0])]) < oliver_pharr.MIN_SAMPLES
+    return RUN_TOP if curve.results and top == DEFAULT_TOP and has_few_rows else top
 
 
 def _fit(cycle: IndentationCycle, top: tuple[float, float]) -> UnloadingFit:
@@ -833,6 +860,17 @@ def _truth(
         for name, true in known.items()
         if isfinite(true) and true > 0 and (value := values[name]) is not None
     }
+
+
+def _formula_error(truth: Mapping[str, Mapping[str, float]]) -> str:
+    """Return the errors of the formulas for area, hardness and modulus as a sentence, or ""."""
+    quantities = {"A_p": "the contact area", "H_IT": "the hardness", "E_IT": "the modulus"}
+    errors = [
+        f"{words} {abs(percent):.1f} % too {'large' if percent > 0 else 'small'}"
+        for name, words in quantities.items()
+        if name in truth and abs(percent := 100 * (truth[name]["ratio"] - 1)) >= 0.05
+    ]
+    return f"for this material the formulas give {join_words(errors, 'and')}" if errors else ""
 
 
 def _entry(table: Mapping[str, np.ndarray], row: int, *columns: str) -> float:

@@ -140,6 +140,8 @@ def _yield_warnings(setup: ProblemSetup) -> Iterator[ModelWarning]:
     if setup.physics.is_compressed:
         return
     deltas = setup.physics.deltas
+    if setup.physics.path.turns and not setup.physics.path.times:
+        return  # the increments follow from the accuracy
     longest = max(after - before for before, after in pairwise((0.0, *deltas))) / setup.max_depth
     error = min(YIELD_INCREMENT_ERROR * longest, MAX_YIELD_INCREMENT_ERROR)
     if error >= NEGLIGIBLE_ERROR:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import os
 import re
@@ -275,3 +276,46 @@ def test_random_damage_ends_with_a_number_or_a_reason(run: Run) -> None:
         found = json.loads(done.stdout)
         if found["status"] == "done":
             assert found["values"]["H_IT"] > 0 and 0.9 < found["values"]["m"] < 2.6
+
+
+METAL_SCENE = """
+title: A metal
+units: {length: um, force: mN}
+body: {shape: cylinder, radius: 6.0, height: 6.0}
+material: {model: hencky, E: 70.0, nu: 0.3, plasticity: {yield_stress: 0.28}}
+indenter: {shape: cone, half_angle: 70.3}
+loading: {delta: 0.5, steps: 4, unload: {to: 0, rows: 6}}
+mesh: {h_contact: 0.3}
+"""
+
+
+def test_the_loop_of_a_metal(run: Run) -> None:
+    """The truth is that of the columns of a body that yields; pictures show loop and imprint."""
+    Path("metal.yaml").write_text(METAL_SCENE)
+    assert run("run", "metal.yaml", "--output", "metal").exit_code == 0
+    shown = json.loads(run("hardness", "metal", "--json").stdout)
+    with open("metal/force_indentation.csv", newline="") as stream:
+        table = list(csv.DictReader(stream))
+    top = table[3]
+    assert "area" not in top and "stiffness" not in top
+    truth = {name: entry["value"] for name, entry in shown["truth"].items()}
+    assert truth["A_p"] == pytest.approx(float(top["contact_area"]))
+    assert truth["S"] == pytest.approx(float(top["unloading_stiffness"]))
+    assert truth["H_IT"] == pytest.approx(float(top["hardness"]))
+    assert truth["E_IT"] == 70.0
+    # A metal without hardening piles up: the area by the formula is too small.
+    assert shown["values"]["h_p"] == pytest.approx(float(table[-1]["residual_depth"]))
+    assert shown["truth"]["A_p"]["ratio"] < 0.9 < 1.1 < shown["truth"]["H_IT"]["ratio"]
+    assert "the contact area" in shown["formula_error"]
+    assert "% too small" in shown["formula_error"]
+    assert shown["formula_error"] in run("hardness", "metal").stdout
+    drawn = run("plot", "metal", "--what", "hardness,profile,force", "--output", "metal.png")
+    assert drawn.exit_code == 0 and Path("metal.png").stat().st_size > 10_000
+
+
+def test_an_elastic_body_has_no_panel_of_hardness(run: Run) -> None:
+    elastic = METAL_SCENE.replace(", plasticity: {yield_stress: 0.28}", "")
+    Path("elastic.yaml").write_text(elastic)
+    assert run("run", "elastic.yaml", "--output", "elastic").exit_code == 0
+    done = run("plot", "elastic", "--what", "hardness")
+    assert done.exit_code == 2 and "its body does not yield" in done.stderr

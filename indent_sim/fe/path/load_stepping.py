@@ -532,7 +532,7 @@ class LoadStepper:
                 self._return_to(row_points)
                 return None
         # The tip stops just above the body, so that the force is zero.
-        gap_fraction = 1 - 1e-9
+        gap_fraction = 1 - 1e-6
         end = to
         if self.equilibrium.force <= 0:
             end = max(to, depth + gap_fraction * smallest_gap(self.equilibrium.observed_body))

@@ -22,6 +22,7 @@ from indent_sim.fitting.forward_model.cone_loop import (
 )
 from indent_sim.fitting.forward_model.forward_model import RETRACT, ForwardModel
 from indent_sim.fitting.forward_model.parameters import parameters_of
+from indent_sim.fitting.measured_constants import LOOP_RECOVERY_ERROR
 
 
 class LoopForwardModel(ForwardModel):
@@ -48,7 +49,11 @@ class LoopForwardModel(ForwardModel):
         self.path_forces = None
         self._curve_rows = None
         self._turn: np.ndarray = np.array(max_depth)
-        self.parameters = parameters_of(config, varied_keys, max_depth)
+        # No modulus scales the force alone.
+        self.parameters = tuple(
+            replace(parameter, role="shape")
+            for parameter in parameters_of(config, varied_keys, max_depth)
+        )
         self.table = ConeLoopTable(config, max_depth, HARDENING_KEY in varied_keys)
 
     @property
@@ -159,15 +164,20 @@ class LoopForwardModel(ForwardModel):
         """Return 0 (n,): the force does not depend on time."""
         return np.zeros(len(x))
 
-    def unloading_error(self, theta: np.ndarray, x: np.ndarray, branch: np.ndarray) -> np.ndarray:
-        """Return the error (n,) of the force of unloading due to that of its stiffness."""
+    def unloading_errors(self, theta: np.ndarray, x: np.ndarray, branch: np.ndarray) -> np.ndarray:
+        """Return the errors (2, n) of the force due to those of stiffness and recovery."""
         E, loop = self.loop(theta)
         step = 1e-3
-        stiffer = replace(loop, stiffness=loop.stiffness * (1.0 + step))
         turn = float(self._turn.reshape(-1)[0])
-        change = stiffer.unloading(E, x, turn) - loop.unloading(E, x, turn)
-        error: np.ndarray = np.where(branch == RETRACT, change, 0.0)
-        return error * loop.stiffness_error / step
+        force = loop.unloading(E, x, turn)
+        changes = [
+            (replace(loop, stiffness=loop.stiffness * (1.0 + step)), loop.stiffness_error),
+            (replace(loop, recovery=loop.recovery * (1.0 + step)), LOOP_RECOVERY_ERROR),
+        ]
+        errors = [
+            (changed.unloading(E, x, turn) - force) * error / step for changed, error in changes
+        ]
+        return np.where(branch == RETRACT, np.array(errors), 0.0)
 
     def coordinates_of(self, curvature: float, stiffness: float | None) -> np.ndarray:
         """Return transformed parameters with a given loading curve and unloading stiffness.

@@ -269,13 +269,13 @@ class CurveModel:
             return self.forward_model
         return self.forward_model.turned_at(self.samples.turn - p[..., self.coordinate_count])
 
-    def unloading_error(self, p: np.ndarray) -> np.ndarray:
-        """Return the error of the force (n,) due to that of the stiffness of unloading."""
+    def unloading_errors(self, p: np.ndarray) -> np.ndarray:
+        """Return the errors (m, n) of the force due to those of tabulated unloading."""
         model = self._forward_model_at(p)
         if not isinstance(model, LoopForwardModel) or self.samples.branch is None:
-            return np.zeros(len(self.samples))
+            return np.zeros((0, len(self.samples)))
         theta = p[: self.coordinate_count]
-        return model.unloading_error(theta, self.depth_coordinate(p), self.samples.branch)
+        return model.unloading_errors(theta, self.depth_coordinate(p), self.samples.branch)
 
     def contact_force(self, p: np.ndarray) -> np.ndarray:
         """Return the forces without the baseline (..., n)."""

@@ -387,6 +387,8 @@ def systematic_half_widths(
             estimate.theta, samples.x - estimate.contact_point, samples.t
         ),
     )
-    unloading_shift = parameter_shift(estimate, model.unloading_error(estimate.p))
-    shifts = np.array([error_shift, time_step_shift, unloading_shift])
+    unloading_shifts = [
+        parameter_shift(estimate, error) for error in model.unloading_errors(estimate.p)
+    ]
+    shifts = np.array([error_shift, time_step_shift, *unloading_shifts])
     return tuple(np.sqrt((shifts**2).sum(axis=0)).tolist())

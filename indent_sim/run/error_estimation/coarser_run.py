@@ -115,9 +115,10 @@ def halve_increments(scene: Scene) -> Scene | None:
     physics = scene.physics
     if not physics.depends_on_step_size:
         return None
-    return scene.replace_physics(
-        path=physics.path.with_halved_increments(), deltas=_halve_values(physics.deltas)
-    )
+    path = physics.path.with_halved_increments()
+    if physics.path.turns and not physics.path.times:
+        return scene.replace_physics(path=path, deltas=path.values)
+    return scene.replace_physics(path=path, deltas=_halve_values(physics.deltas))
 
 
 def with_solved_depths(scene: Scene, states: States) -> Scene:

@@ -587,7 +587,12 @@ class ErrorBars:
         if self._physics.is_compressed or not state.plastic_dissipation:
             return 0.0
         previous = self._run_states.get(state.step - 1)
-        increment = state.delta - (previous.delta if previous else 0.0)
+        turns = self._physics.path.turns
+        is_divided = turns and turns[state.step - 1] and not self._physics.path.times
+        previous_depth = previous.delta if previous else 0.0
+        if is_divided:
+            previous_depth = turns[state.step - 1][-1] * self._scales.depth
+        increment = state.delta - previous_depth
         if increment <= 0 or state.delta <= 0:
             return 0.0
         fraction = min(increment / state.delta, 1.0)

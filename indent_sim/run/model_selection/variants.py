@@ -133,6 +133,13 @@ def hyperelastic_law(material: Material) -> Material:
     return NeoHookean(**_rounded_constants(law)) if law.is_small_strain else material
 
 
+def elastic_law(material: Material) -> Material:
+    """Return the material without plasticity; other materials are unchanged."""
+    if material.plasticity is None:
+        return material
+    return replace(material, plasticity=None)  # type: ignore[arg-type]
+
+
 def isotropic_law(material: Material) -> Material:
     """Return the isotropic material with E and nu of the plane of isotropy."""
     law = material.canonical()

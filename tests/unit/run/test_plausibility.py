@@ -153,7 +153,8 @@ def test_a_wrong_state(name: str) -> None:
 def test_every_rule_is_tried() -> None:
     """Every check of a single state is tried here.
 
-    Those of a path are tried below, and that of a tip that slides in tests/physics/test_slide.py.
+    Those of a path are tried below, and those of a tip that slides and of a soft tip in
+    tests/physics/test_slide.py and test_soft_tips_at_finite_strain.py.
     """
     base = scene()
     states = [replace(theorys(base, 0.1), **change) for change, _ in WRONG.values()]
@@ -162,7 +163,8 @@ def test_every_rule_is_tried() -> None:
         for rule in GENERAL_RULES + CONTACT_RULES
         if any(rule(base, state, PreviousRows()) for state in states)
     }
-    assert len({*GENERAL_RULES, *CONTACT_RULES} - tried) == 7  # the rules of a path, and of yield
+    # The rules of a path, of yield and of a soft tip
+    assert len({*GENERAL_RULES, *CONTACT_RULES} - tried) == 8
 
 
 METAL = {"model": "linear_elastic", "E": 2.0, "nu": 0.3, "plasticity": {"yield_stress": 0.02}}
