@@ -123,7 +123,7 @@ class LoadStepper:
         if self._adhesion_range:
             longest_step = min(longest_step, LONGEST_STEP_RANGES * self._adhesion_range)
             always_tried_step = SNAP_STEP_RANGES / 4 * self._adhesion_range
-        if segment and segment.slides:
+        if segment and segment.slides and not segment.has_duration:
             # Increments of a slide have the same largest length as increments of the depth.
             return StepSizeControl(longest_step, -inf)
         if segment and segment.has_duration:
@@ -412,8 +412,8 @@ class LoadStepper:
         for step, value in enumerate(path.values[done:], start=done + 1):
             statistics_before = body.statistics
             substeps = 0
-            slide = path.slide(step)
-            for depth, t in path.segment(step):
+            slides = path.segment_slides(step)
+            for (depth, t), slide in zip(path.segment(step), slides, strict=True):
                 if substeps:  # the last equilibrium is a load point between two rows
                     self._record_unloading_point()
                 segment_substeps = (
@@ -450,7 +450,7 @@ class LoadStepper:
                 "wall_s": time.perf_counter() - self.started,
             }
             if path.slides:
-                values["x"] = slide
+                values["x"] = path.slide(step)
             if path.times:
                 values |= {"t": path.times[step - 1], "branch": path.branches[step - 1]}
             yield State(step=step, delta=self._last_point.delta, surface=surface, **values)
@@ -470,6 +470,7 @@ class LoadStepper:
         """
         start_time = self._last_point.load_point.t
         start_force = self.equilibrium.force
+        start_slide = self._last_point.load_point.slide
         substeps = self._find_depth_of_force(force, t, step, slide)
         if substeps or not halvings or t == start_time:
             return substeps
@@ -479,11 +480,14 @@ class LoadStepper:
         self.restore_last()
         middle_force = (start_force + force) / 2
         middle_time = (start_time + t) / 2
-        return (
-            (first_substeps := self._step_to_force(middle_force, middle_time, step, halvings - 1))
-            and (last_substeps := self._step_to_force(force, t, step, halvings - 1))
-            and first_substeps + last_substeps
+        middle_slide = (start_slide + slide) / 2
+        first_substeps = self._step_to_force(
+            middle_force, middle_time, step, halvings - 1, middle_slide
         )
+        if not first_substeps:
+            return 0
+        last_substeps = self._step_to_force(force, t, step, halvings - 1, slide)
+        return last_substeps and first_substeps + last_substeps
 
     def _find_depth_of_force(self, force: float, t: float, step: int, slide: float) -> int:
         """Search for the depth of a force at a time; return the increments made, 0 on failure."""
@@ -535,7 +539,9 @@ class LoadStepper:
             gap = smallest_gap(self.equilibrium.observed_body)
             if gap > 0 and gap >= lift * (1 - 1 / clearance_factor):
                 # The tip overlaps the body by 1e-9 of its height, so that there is a contact
-                touch = LoadPoint(lifted_depth + gap - 1e-9 * height, self._search_time)
+                touch = LoadPoint(
+                    lifted_depth + gap - 1e-9 * height, self._search_time, self._search_slide
+                )
                 self._last_rise = abs(touch.delta - depth_before)
                 substeps = self._step_to(touch)
                 self._substeps += substeps
@@ -633,7 +639,7 @@ class LoadStepper:
         else:
             crosses = last_depth < 0 < target_point.delta
         if crosses and target_point.t == self._last_point.load_point.t:
-            return LoadPoint(attraction_depth, target_point.t)
+            return LoadPoint(attraction_depth, target_point.t, self._last_point.load_point.slide)
         return None
 
     def _try_load_point(self, load_point: LoadPoint) -> bool:
