@@ -7,7 +7,8 @@ import subprocess
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-COMMIT_SENTENCE = re.compile(r"^Measured (?:at commit|from sources) .*\n\n", re.MULTILINE)
+MEASURED = "The numbers on this page were measured"
+COMMIT_SENTENCE = re.compile(rf"^{MEASURED} (?:at commit|from sources) .*\n\n", re.MULTILINE)
 
 
 def measured_at(root: Path = ROOT) -> str:
@@ -21,17 +22,18 @@ def measured_at(root: Path = ROOT) -> str:
     Returns
     -------
     str
-        "Measured at commit 1a2b3c4d.". It also says if files outside docs/ differ from that commit,
-        and if the sources are not in a repository.
+        "The numbers on this page were measured at commit 1a2b3c4d." It also says if files outside
+        docs/ differ from that commit, and if the sources are not in a repository.
     """
     commit = _git(root, "rev-parse", "--short=8", "HEAD")
     if commit is None:
-        return "Measured from sources without a repository."
+        return f"{MEASURED} from sources without a repository."
+    begin = f"{MEASURED} at commit {commit}"
     # Pages that were made before lie in docs/ and are no change of the sources.
     changes = _git(root, "status", "--porcelain", "--", ".", ":(exclude)docs")
     if changes:
-        return f"Measured at commit {commit}, with changes that are not committed."
-    return f"Measured at commit {commit}."
+        return f"{begin}, with changes that are not committed."
+    return f"{begin}."
 
 
 def write(page: Path, text: str, root: Path = ROOT) -> None:

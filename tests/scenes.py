@@ -87,7 +87,7 @@ def meshed(base: Scene) -> Any:
 
     from indent_sim.fe import solver
 
-    return solver.distribute(grid_of(base), base.physics.domain, MPI.COMM_SELF)
+    return solver.distribute_scene(base, grid_of(base), MPI.COMM_SELF)
 
 
 def solve(base: Scene) -> list[State]:

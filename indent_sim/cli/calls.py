@@ -218,7 +218,7 @@ def plot(
         Results, or a study; or their folders.
     what
         Panels, separated by commas: force [default], time, pressure, pressure_x, pressure_y,
-        profile, fields, film. For a study curves [default], or one of force, a, p_max and
+        profile, hardness, fields, film. For a study curves [default], or one of force, a, p_max and
         penetration over the varied keys.
     ax
         Axes of an existing figure, into which one panel of `what` is drawn; fields are drawn at

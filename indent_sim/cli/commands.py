@@ -531,7 +531,7 @@ def fit(
     overrides: tuple[str, ...],
     **options: Any,
 ) -> None:
-    """Fit keys of a scene to measured curves. Prints the folder.
+    """Fit parameters of a scene to measured curves, and print the result folder.
 
     Curves are text tables of any kind, or AFM files.
 
@@ -708,6 +708,40 @@ def _reading_options(options: Mapping[str, Any]) -> ReadOptions:
     return ReadOptions(options["columns"], units, options["sensitivity"])
 
 
+# Options of the analysis of unloading curves.
+epsilon_option = click.option(
+    "--epsilon",
+    metavar="NUMBER|m",
+    default="0.75",
+    show_default=True,
+    help="Factor of F_max/S in the contact depth; m: the value for the fitted exponent.",
+)
+beta_option = click.option(
+    "--beta",
+    type=NumberInRange(0.5, 2),
+    default=1.0,
+    show_default=True,
+    help="Factor of the stiffness of a contact that is not circular.",
+)
+top_option = click.option(
+    "--top",
+    callback=parse_top,
+    metavar="A:B",
+    help="Part of unloading that is fitted, in per cent of the largest force [98:40].",
+)
+frame_compliance_option = click.option(
+    "--frame-compliance",
+    metavar="NUMBER",
+    help="Deflection of the frame per force, e.g. '0.3 nm/mN', subtracted from the depth.",
+)
+drift_option = click.option(
+    "--drift",
+    metavar="NUMBER|hold",
+    help="Thermal drift of the depth, e.g. '0.05 nm/s', subtracted from the depth; hold: that of a "
+    "hold at 2 to 30 % of the largest force.",
+)
+
+
 @program.command()
 @click.argument("curve", metavar="CURVE_OR_RESULT", type=PATH)
 @click.option("--scene", type=PATH, help="Scene with tip, frame and nu of a measured curve.")
@@ -717,42 +751,17 @@ def _reading_options(options: Mapping[str, Any]) -> ReadOptions:
     help="Area function: table of contact depth and area, ideal tip, or half angle of a cone "
     "[that of the scene's tip, otherwise berkovich].",
 )
-@click.option(
-    "--epsilon",
-    metavar="NUMBER|m",
-    default="0.75",
-    show_default=True,
-    help="Factor of F_max/S in the contact depth; m: the value for the fitted exponent.",
-)
-@click.option(
-    "--beta",
-    type=NumberInRange(0.5, 2),
-    default=1.0,
-    show_default=True,
-    help="Factor of the stiffness of a contact that is not circular.",
-)
-@click.option(
-    "--top",
-    callback=parse_top,
-    metavar="A:B",
-    help="Part of unloading that is fitted, in per cent of the largest force [98:40].",
-)
+@epsilon_option
+@beta_option
+@top_option
 @click.option("--nu", type=float, help="Poisson's ratio of the sample [of the scene, or 0.3].")
 @click.option(
     "--tip",
     metavar="diamond|rigid|E,NU",
     help="Elasticity of the tip, e.g. '400 GPa,0.25' [diamond; rigid for a result].",
 )
-@click.option(
-    "--frame-compliance",
-    metavar="NUMBER",
-    help="Deflection of the frame per force, e.g. '0.3 nm/mN', subtracted from the depth.",
-)
-@click.option(
-    "--drift",
-    metavar="NUMBER",
-    help="Thermal drift of the depth, e.g. '0.05 nm/s', subtracted from the depth.",
-)
+@frame_compliance_option
+@drift_option
 @columns_option
 @units_option
 @json_option
@@ -787,6 +796,71 @@ def hardness(
     print_stdout(terminal.hardness_text(result))
     for warning in result.warnings:
         print_stderr(f"warning: {warning}")
+
+
+@program.command()
+@click.argument("curves", metavar="CURVE...", nargs=-1, required=True, type=PATH)
+@click.option(
+    "--sample",
+    metavar="E,NU",
+    default="72 GPa,0.17",
+    show_default=True,
+    help="Young's modulus and Poisson's ratio of the sample, by default those of fused silica.",
+)
+@click.option(
+    "--tip",
+    metavar="diamond|rigid|E,NU",
+    help="Elasticity of the tip, e.g. '400 GPa,0.25' [diamond].",
+)
+@epsilon_option
+@beta_option
+@top_option
+@frame_compliance_option
+@drift_option
+@columns_option
+@units_option
+@click.option(
+    "--output",
+    type=PATH,
+    required=True,
+    help="New file for the table, which `hardness --area` reads.",
+)
+@json_option
+def calibrate(
+    curves: tuple[Path, ...],
+    sample: str,
+    top: tuple[float, float] | None,
+    columns: tuple[str, ...],
+    units: dict[str, str],
+    output: Path,
+    output_format: OutputFormat,
+    **options: Any,
+) -> None:
+    """Area function of a tip from unloading curves of a sample of known modulus.
+
+    The curves, three or more, have different depths. Give epsilon, beta, frame and drift as they
+    are given to `hardness` later.
+    """
+    from indent_sim.run import hardness_analysis, tip_calibration
+
+    reading = _reading_options({"columns": columns, "units": units, "sensitivity": None})
+    request = hardness_analysis.HardnessOptions(
+        top=top or hardness_analysis.DEFAULT_TOP,
+        columns=reading.columns,
+        units=reading.units,
+        **options,
+    )
+    calibration = tip_calibration.calibrate_tip(curves, sample, request)
+    try:
+        tip_calibration.write_table(calibration, output)
+    except OSError as error:
+        raise write_error(output, error) from error
+    if output_format == "json":
+        return print_done({"output": output, **calibration.as_json()})
+    print_stdout(terminal.calibration_text(calibration))
+    for warning in calibration.warnings:
+        print_stderr(f"warning: {warning}")
+    print_stdout(str(output))
 
 
 @program.command()
@@ -839,8 +913,8 @@ def compare(
     "--what",
     callback=parse_words,
     help="Panels, separated by commas: force, time, pressure, pressure_x, pressure_y, profile, "
-    "fields, film; for a study one of curves, force, a, p_max, penetration; for a fitted map "
-    "modulus, height, interval, cause, histogram.",
+    "hardness, fields, film; for a study one of curves, force, a, p_max, penetration; for a fitted "
+    "map modulus, height, interval, cause, histogram.",
 )
 @click.option(
     "--field",
@@ -852,7 +926,7 @@ def compare(
 @click.option(
     "--steps",
     callback=parse_words,
-    help="Steps, separated by commas, or last or all [that of the largest force].",
+    help="Steps separated by commas, or last, or all [default: the step of the largest force].",
 )
 @click.option(
     "--units",
@@ -916,8 +990,8 @@ def plot(paths: tuple[Path, ...], output: Path | None, **given_options: Any) -> 
 
     Fields: von_mises, principal_1, principal_2, principal_3, sigma_xx (sigma_rr of an axisymmetric
     body), sigma_yy, sigma_zz, sigma_xz, J, energy_density, displacement; with pore fluid
-    pore_pressure and fluid_content; for gels swelling. A film shows several states of one field
-    side by side, spread over the load path.
+    pore_pressure and fluid_content; for gels swelling; for bodies that yield plastic_strain. A film
+    shows several states of one field side by side, spread over the load path.
     """
     from indent_sim.results import reader
     from indent_sim.results.pictures import figures, panels

@@ -200,7 +200,8 @@ def _check_blas() -> HealthCheck:
             "BLAS",
             "reference BLAS",
             "warning",
-            "runs are 3 to 10 times slower with it: apt-get install libopenblas0-pthread (as root)",
+            "runs are 3 to 10 times slower with this library; as root: apt-get install "
+            "libopenblas0-pthread",
         )
     return HealthCheck("BLAS", "unknown", "warning")
 

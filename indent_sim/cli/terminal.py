@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from indent_sim.run.pipeline import Outcome
     from indent_sim.run.planned_run import PlannedRun
     from indent_sim.run.single_run import Progress
+    from indent_sim.run.tip_calibration import TipCalibration
     from indent_sim.run.work_and_loops import HysteresisLoop
     from indent_sim.studies.study_plan import StudyPlan
 
@@ -119,6 +120,12 @@ def _theory_lines(report: Report) -> list[str]:
         lines.append(f"solved by theory: {theory['why']}")
     elif theory:
         lines.append(_theory_line(theory, _computed_quantity_name(report, theory)))
+    if "stiffness_deviation" in theory:
+        lines.append(
+            f"{theory['name']}: unloading stiffness {theory['stiffness']:.6g}; this run "
+            f"{theory['stiffness_deviation']:+.3%}"
+        )
+    lines += _onset_lines(report)
     if half_space := theory.get("half_space"):
         side = "below" if half_space["deviation"] < 0 else "above"
         prescribed, computed = _prescribed_and_computed(theory)
@@ -139,6 +146,18 @@ def _theory_lines(report: Report) -> list[str]:
             f"{computed} {', '.join(formula_texts)}"
         )
     return lines
+
+
+def _onset_lines(report: Report) -> list[str]:
+    """Return the line of the onset of yield; empty if it is not known."""
+    onset = _report_section(report, "onset_of_yield")
+    if not onset or onset["delta"] == 0:
+        return []
+    units = _report_units(report)
+    place = f"depth {_quantity_text(onset['delta'], units['delta'])}"
+    place += f", force {_quantity_text(onset['force'], units['force'])}"
+    outcome = "this run has yielded" if onset["passed"] else "this run is elastic"
+    return [f"onset of yield (Hertz and von Mises): {place}; {outcome}"]
 
 
 def _final_row_lines(outcome: Outcome) -> list[str]:
@@ -215,10 +234,10 @@ def _section_sentence(part: Report) -> list[str]:
 
 
 def _largest_pull_lines(report: Report, units: Mapping[str, str]) -> list[str]:
-    """Return the line of the pull-off force, with the values predicted by theory.
+    """Return the line with the pull-off force and the values that theory predicts for it.
 
-    Without a search between rows it is the largest tensile force of a row. `units` maps force and
-    delta to their units.
+    If it was not searched for between the rows, the largest tensile force of a row is given
+    instead. `units` maps force and delta to their units.
     """
     largest_pull = report.get("largest_pull")
     if largest_pull is None:
@@ -438,7 +457,28 @@ def hardness_text(result: Hardness) -> str:
             for name, truth in result.truth.items()
         ]
         lines += ["", _align_columns(truth_rows, "<")]
+        lines += [result.formula_error] if result.formula_error else []
     return "\n".join(lines)
+
+
+def calibration_text(calibration: TipCalibration) -> str:
+    """Return depths and areas of the curves of a calibration as a table, and the assumptions."""
+    unit = calibration.unit
+    rows = [["curve", f"h_c [{unit}]", f"A_p [{unit}^2]", "function/A_p"]]
+    rows += [
+        [name, f"{h:.5g}", f"{A:.5g}", f"{fitted / A:.4f}"]
+        for name, h, A, fitted in zip(
+            calibration.curves, calibration.h_c, calibration.A_p, calibration.fitted, strict=True
+        )
+    ]
+    return "\n".join(
+        [
+            _align_columns(rows, "<"),
+            "",
+            f"A_p = {calibration.formula}, with a scatter of {calibration.scatter:.2%}",
+            *(f"{name}: {words}" for name, words in calibration.assumptions.items()),
+        ]
+    )
 
 
 def _number_with_error(value: float, error: float | None) -> str:

@@ -9,7 +9,7 @@ from typing import Any
 
 from indent_sim.config import key_types, schema
 from indent_sim.config.strict_yaml import key_text
-from indent_sim.model.units import Unit, UnitRow, unit_of
+from indent_sim.model.units import Unit, UnitRow
 
 # Powers of length, force and time.
 Dimension = tuple[int, int, int]
@@ -29,7 +29,7 @@ def key_numbers(document: Mapping[str, Any]) -> dict[str, KeyNumber]:
     is_flat = is_plane_strain(document)
     return {
         key: KeyNumber(value, _dimension(unit, is_flat))
-        for key, value, unit in _numbers(schema.node_at((), document), None)
+        for key, value, unit in _numbers(schema.node_at((), document), None, document)
     }
 
 
@@ -48,18 +48,18 @@ def column_dimension(column: str, is_flat: bool) -> Dimension:
 
 
 def _numbers(
-    node: schema.SchemaNode, list_unit: Unit | UnitRow | None
+    node: schema.SchemaNode, list_unit: Unit | UnitRow | None, document: Mapping[str, Any]
 ) -> Iterator[tuple[str, float, Unit | UnitRow | None]]:
     """Yield key, value and unit of every number below a node."""
     if isinstance(node.value, dict):
         for part in node.children():
-            yield from _numbers(part, None)
+            yield from _numbers(part, None, document)
         return
-    unit = unit_of(node.type) or list_unit
+    unit = schema.node_unit(node, document) or list_unit
     if isinstance(node.value, list):
         units = chain(unit.units, repeat(None)) if isinstance(unit, UnitRow) else repeat(unit)
         for item, item_unit in zip(node.children(), units, strict=False):
-            yield from _numbers(item, item_unit)
+            yield from _numbers(item, item_unit, document)
         return
     if isinstance(node.value, bool) or not isinstance(node.value, (int, float)):
         return

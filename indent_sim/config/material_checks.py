@@ -35,8 +35,8 @@ def flow_errors(config: SceneSections) -> Iterator[ConfigError]:
         material.is_time_dependent for _, material in config.materials()
     ):
         problem = (
-            "applies to time-dependent bodies, but no material of this body has a flow or relaxes "
-            "in shear only"
+            "applies to time-dependent bodies, but no material of this body has a flow, creeps or "
+            "relaxes in shear only"
         )
         yield ConfigError("loading.per_doubling", problem, "leave it out")
     if not flows:
@@ -168,7 +168,12 @@ def plasticity_errors(config: SceneSections) -> Iterator[ConfigError]:
             if getattr(law, slot):
                 problem = f"a body that both yields and {verb} is not modelled"
                 yield ConfigError(f"{law_key}.{slot}", problem, f"leave it or {key} out")
-    if config.loading.prescribed_history is not None:
+    creeps = any(law.creeps for law in laws.values())
+    if creeps and config.loading.prescribed_history is None:
+        remedy = "give loading.history or loading.force_history"
+        creep_key = next(key for key, law in laws.items() if law.creeps)
+        yield ConfigError(f"{creep_key}.creep", "needs a load path in time", remedy)
+    elif not creeps and config.loading.prescribed_history is not None:
         path_key = config.loading.given_path_keys[0]
         yield ConfigError(
             f"loading.{path_key}",
@@ -183,9 +188,10 @@ def plasticity_errors(config: SceneSections) -> Iterator[ConfigError]:
         problem = "is simulated with the load curve of a linear body, but this one yields"
         remedy = "leave it out; for a compliant frame use hardness --frame-compliance"
         yield ConfigError("experiment", problem, remedy)
-    if config.accuracy is not None:
-        problem = "refines the mesh only, and not the load increments of a body that yields"
-        yield ConfigError("accuracy", problem, "leave it out; --error-bars estimates the errors")
+    refines_increments = config.loading.given_path_keys[:1] in (("delta",), ("deltas",))
+    if config.accuracy is not None and not refines_increments:
+        problem = "of a body that yields refines the increments of prescribed depths only"
+        yield ConfigError("accuracy", problem, "give depths, or --error-bars in place of it")
     if isinstance(config.contact, Nitsche):
         problem = "nitsche uses the stress of the body, which yields"
         yield ConfigError("contact.method", problem, "use augmented_lagrangian")
@@ -198,20 +204,32 @@ def _hardening_errors(key: str, law: Material) -> Iterator[ConfigError]:
     """Yield a ConfigError for each error in the plasticity of one material."""
     plasticity = law.plasticity
     assert plasticity
-    given = plasticity.hardening_laws
-    if len(given) > 1:
+    hardening = plasticity.hardening
+    laws = hardening.laws if hardening else ()
+    remedy = "give one of n, linear and voce, or no hardening for perfect plasticity"
+    if plasticity.short_laws and hardening:
         yield ConfigError(
-            f"{key}.{given[1]}",
-            f"is a second hardening law beside {given[0]}",
-            "give one of n, linear and voce, or none for perfect plasticity",
+            f"{key}.{plasticity.short_laws[0]}",
+            f"is a second hardening law beside {key}.hardening",
+            "leave it out; it is the short form of hardening",
         )
+    elif len(plasticity.short_laws) > 1:
+        first, second = plasticity.short_laws[:2]
+        yield ConfigError(f"{key}.{second}", f"is a second hardening law beside {first}", remedy)
+    elif len(laws) > 1:
+        yield ConfigError(
+            f"{key}.hardening.{laws[1]}", f"is a second hardening law beside {laws[0]}", remedy
+        )
+    elif hardening and not laws:
+        yield ConfigError(f"{key}.hardening", "gives no law", remedy)
     try:
         E = law.canonical().constants.E
     except (ArithmeticError, ValueError):
         return  # reported by `material_errors`
-    if (voce := plasticity.voce) and voce.rise > E * voce.strain:
+    voce = hardening.voce if hardening else None
+    if voce and voce.rise > E * voce.strain:
         yield ConfigError(
-            f"{key}.voce",
+            f"{key}.hardening.voce",
             f"rise/strain = {voce.rise / voce.strain:g}, the hardening modulus at first yield, "
             f"exceeds Young's modulus {E:g}",
             "use a smaller rise or a larger strain",

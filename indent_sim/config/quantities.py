@@ -31,7 +31,6 @@ from indent_sim.model.units import (
     UnitRow,
     field_units,
     parse_unit_factors,
-    unit_of,
 )
 from indent_sim.process.errors import ConfigError, ConfigErrors
 
@@ -149,6 +148,7 @@ class Conversion:
     def __init__(self, document: Mapping[str, Any]):
         self.quantities: Quantities = {}
         self.errors: list[ConfigError] = []
+        self._document = document
         units = document.get("units")
         self._units = units if isinstance(units, Mapping) else {}
         body = body if isinstance(body := document.get("body"), Mapping) else {}
@@ -163,7 +163,7 @@ class Conversion:
         """
         if isinstance(node.value, dict):
             return {part.path[-1]: self.convert_node(part) for part in node.children()}
-        unit = unit_of(node.type) or list_unit
+        unit = schema.node_unit(node, self._document) or list_unit
         if isinstance(node.value, list):
             units = chain(unit.units, repeat(None)) if isinstance(unit, UnitRow) else repeat(unit)
             return [
@@ -328,7 +328,7 @@ def _dimension_text(exponents: Exponents) -> str:
 
 def dimension_of_key(path: KeyPath, document: Mapping[str, Any]) -> str | None:
     """Return "length", "force" or "pressure" for a key of this dimension; None for any other."""
-    unit = unit_of(schema.node_at(path, document).type)
+    unit = schema.node_unit(schema.node_at(path, document), document)
     kinds = {LENGTH: "length", FORCE: "force", PRESSURE: "pressure"}
     return kinds.get(unit) if isinstance(unit, Unit) else None
 

@@ -523,7 +523,10 @@ def _config_fields(document: Document) -> Document:
 
 
 def _complete_defaults(node: schema.SchemaNode) -> Any:
-    """Return the value of a node with default tags, and with a word for all walls expanded."""
+    """Return the value of a YAML node with its missing tags filled in.
+
+    A single word that applies to all walls is replaced by one entry for each wall.
+    """
     value = node.value
     if (
         isinstance(value, str)

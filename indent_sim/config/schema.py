@@ -59,6 +59,8 @@ from indent_sim.config.tip_checks import (
     tilt_errors,
     tip_errors,
 )
+from indent_sim.config.unload_checks import unload_errors
+from indent_sim.model.units import FORCE, Unit, UnitRow, unit_of
 from indent_sim.process.errors import ConfigErrors
 
 # Keys that earlier versions had in `experiment`, and their present sections.
@@ -96,6 +98,7 @@ CONSISTENCY_CHECKS = (
     soft_tip_errors,
     history_errors,
     slide_errors,
+    unload_errors,
     relaxation_errors,
     experiment_errors,
     accuracy_errors,
@@ -218,6 +221,18 @@ def node_at(path: KeyPath, document: Any) -> SchemaNode:
     for part in path:
         node = node.child(part)
     return node
+
+
+def node_unit(node: SchemaNode, document: Mapping[str, Any]) -> Unit | UnitRow | None:
+    """Return the dimension of a node of a document; None without a dimension.
+
+    The end of unloading is a force where forces are prescribed, otherwise a depth.
+    """
+    loading = document.get("loading")
+    is_forced = isinstance(loading, Mapping) and ("force" in loading or "forces" in loading)
+    if node.path == ("loading", "unload", "to") and is_forced:
+        return FORCE
+    return unit_of(node.type)
 
 
 def allowed_keys_at(path: KeyPath, document: Mapping[str, Any]) -> tuple[str, ...]:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 from indent_sim.config.key_types import field_names
 from indent_sim.config.scene_sections import SceneSections
 from indent_sim.model.body import Cylinder
+from indent_sim.model.contact import AugmentedLagrangian, AutoContact
 from indent_sim.model.experiment import Experiment, JKRAdhesion
+from indent_sim.model.gel import Gel
 from indent_sim.model.spherical_bodies import Ball, Cap
 from indent_sim.model.tilted_tip import largest_tilt
 from indent_sim.model.tips import (
@@ -186,7 +188,7 @@ def soft_tip_errors(config: SceneSections) -> Iterator[ConfigError]:
     key = "indenter.material"
     for slot, words in (("relaxation", "relax"), ("flow", "drain"), ("plasticity", "yield")):
         if getattr(tip.material, slot) is not None:
-            problem = f"a soft tip does not {words}: its material is linear elastic"
+            problem = f"a soft tip does not {words}: its material is elastic"
             yield ConfigError(f"{key}.{slot}", problem, "leave it out")
     if not isinstance(config.body, AXISYMMETRIC_BODIES):
         problem = (
@@ -194,6 +196,10 @@ def soft_tip_errors(config: SceneSections) -> Iterator[ConfigError]:
         )
         yield ConfigError(key, problem, "use a cylinder, a layer, a half_space, a cap or a ball")
     yield from _soft_tip_conflicts(config, key)
+    if tip.material.is_small_strain:
+        yield from _linear_tip_conflicts(config, key)
+    else:
+        yield from _finite_strain_tip_conflicts(config, key)
 
 
 def _soft_cylinder_errors(config: SceneSections, tip: FlatPunch | Plate) -> Iterator[ConfigError]:
@@ -220,11 +226,6 @@ def _soft_tip_conflicts(config: SceneSections, key: str) -> Iterator[ConfigError
     contact = config.contact
     reasons = (
         (
-            any(not material.is_small_strain for _, material in config.materials()),
-            "needs a linear elastic body",
-            "give the body a linear elastic material",
-        ),
-        (
             any(material.is_time_dependent for _, material in config.materials()),
             "needs a body that does not depend on time",
             "leave material.flow and relaxation of shear out",
@@ -250,7 +251,24 @@ def _soft_tip_conflicts(config: SceneSections, key: str) -> Iterator[ConfigError
             "leave body.surface_tension out",
         ),
         (
-            contact.gap == "current",
+            bool(config.instrument.calibration and config.instrument.calibration.R),
+            "changes its compliance with R, which experiment.calibration.R neglects",
+            "leave experiment.calibration.R out",
+        ),
+    )
+    yield from _errors_of(key, "a soft tip", reasons)
+
+
+def _linear_tip_conflicts(config: SceneSections, key: str) -> Iterator[ConfigError]:
+    """Yield errors of parts of the scene that do not fit a soft tip at small strain."""
+    reasons = (
+        (
+            any(not material.is_small_strain for _, material in config.materials()),
+            "needs a linear elastic body",
+            "give the body a linear elastic material, or the tip a hyperelastic one",
+        ),
+        (
+            config.contact.gap == "current",
             "needs the gap at the undeformed point",
             "use contact.gap: reference",
         ),
@@ -259,15 +277,71 @@ def _soft_tip_conflicts(config: SceneSections, key: str) -> Iterator[ConfigError
             "must be auto: a soft tip is solved by static condensation of tip and body",
             "use solver.method: auto",
         ),
+    )
+    yield from _errors_of(key, "a linear elastic tip", reasons)
+
+
+def _finite_strain_tip_conflicts(config: SceneSections, key: str) -> Iterator[ConfigError]:
+    """Yield errors of parts of the scene that do not fit a soft tip at finite strain."""
+    materials = [material for _, material in config.materials()]
+    contact = config.contact
+    reasons = (
         (
-            bool(config.instrument.calibration and config.instrument.calibration.R),
-            "changes its compliance with R, which experiment.calibration.R neglects",
-            "leave experiment.calibration.R out",
+            any(material.is_small_strain for material in materials),
+            "needs a hyperelastic body",
+            "give all of the body hyperelastic materials, or the tip a linear elastic one",
+        ),
+        (
+            any(isinstance(material, Gel) for material in materials),
+            "is not modelled on a gel, which swells",
+            "give the body a hyperelastic material",
+        ),
+        (
+            any(material.relaxation for material in materials),
+            "does not relax, so that the force of both bodies is no product with one relaxation",
+            "leave material.relaxation out",
+        ),
+        (
+            not isinstance(config.indenter, Sphere | Paraboloid),
+            "is a sphere or a paraboloid: the edge of a soft punch or plate is not modelled",
+            "use shape: sphere or paraboloid, or linear elastic materials",
+        ),
+        (
+            isinstance(config.body, Ball),
+            "is not modelled on a ball between two tips",
+            "use a cap, or linear elastic materials",
+        ),
+        (
+            contact.gap == "reference",
+            "needs the gap at the deformed point",
+            "use contact.gap: current, or auto",
+        ),
+        (
+            not isinstance(contact, AutoContact | AugmentedLagrangian),
+            "is modelled by the augmented Lagrangian method only",
+            "use contact.method: augmented_lagrangian, or auto",
+        ),
+        (
+            config.solver.method in ("condensed", "theory"),
+            "is solved on the whole mesh of both bodies",
+            "use solver.method: newton, or auto",
+        ),
+        (
+            config.output.nodal_stress,
+            "has no stress at the vertices of the body's grid",
+            "leave output.nodal_stress out",
         ),
     )
+    yield from _errors_of(key, "a soft tip at finite strain", reasons)
+
+
+def _errors_of(
+    key: str, subject: str, reasons: Iterable[tuple[bool, str, str]]
+) -> Iterator[ConfigError]:
+    """Yield an error for each reason that applies, with its problem and remedy."""
     for applies, problem, remedy in reasons:
         if applies:
-            yield ConfigError(key, f"a soft tip {problem}", remedy)
+            yield ConfigError(key, f"{subject} {problem}", remedy)
 
 
 def experiment_errors(config: SceneSections) -> Iterator[ConfigError]:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import dolfinx
@@ -14,6 +14,9 @@ from indent_sim.fe import compat
 from indent_sim.mesh import distributed_rows
 from indent_sim.mesh.grid import Grid
 from indent_sim.mesh.model_domain import ModelDomain, nearest_on_sphere
+from indent_sim.mesh.two_bodies import TIP_PREFIX, TwoBodyDomain
+from indent_sim.model.tips import Paraboloid
+from indent_sim.scene.scene import Scene
 
 # Relative distance of a vertex from a spherical surface that is round-off of its coordinates.
 SPHERE_TOLERANCE = 1e-6
@@ -37,6 +40,9 @@ class BodyMesh:
         Region number of each cell on this rank.
     hash : str
         Hash of the grid.
+    body_counts : tuple of int, optional
+        Numbers of vertices and cells of the body, which come before those of a soft tip; None if
+        the mesh contains no tip.
     """
 
     mesh: dolfinx.mesh.Mesh
@@ -45,6 +51,7 @@ class BodyMesh:
     noncontact_facets: np.ndarray
     regions: np.ndarray
     hash: str
+    body_counts: tuple[int, int] | None = None
 
     @cached_property
     def comm(self) -> MPI.Comm:
@@ -84,9 +91,64 @@ def distribute(grid: Grid | None, part: ModelDomain, comm: MPI.Comm) -> BodyMesh
     BodyMesh
         The mesh with the named surfaces and regions of each rank.
     """
-    dim = part.dim
     fingerprint, named_facets = comm.bcast((grid.hash, grid.surfaces) if grid else None, root=0)
     tables = (None,) * 3 if grid is None else (*_curved_geometry(grid, part), grid.regions)
+    return _distribute_tables(tables, named_facets, fingerprint, part, comm)
+
+
+def distribute_with_tip(grid: Grid, tip_grid: Grid, scene: Scene, comm: MPI.Comm) -> BodyMesh:
+    """Return the mesh of a body and of the soft tip above it, which share no points.
+
+    The tip is mirrored, so that its apex is at the origin and its holder above it. The vertices of
+    the body come first, then those of the tip and the midpoints of all edges.
+
+    Parameters
+    ----------
+    grid, tip_grid : Grid
+        The grids of the body and of the tip upside down.
+    scene : Scene
+        The scene, whose domain is that of both bodies.
+    comm : MPI.Comm
+        Communicator of this process alone.
+    """
+    part = scene.physics.domain
+    assert isinstance(part, TwoBodyDomain)
+    assert scene.tip_scene is not None
+    indenter = scene.physics.indenter
+    unit = scene.tip_scene.physics.scales.length / scene.physics.scales.length
+    points, cells = _quadratic_geometry(grid, part)
+    tip_points, tip_cells = _quadratic_geometry(tip_grid, part.tip)
+    tip_points = unit * tip_points * [1.0, -1.0]
+    if isinstance(indenter, Paraboloid):
+        # The cap of a ball, whose section at the height z has the radius sqrt(z (2 R - z)).
+        tip_points[:, 0] *= np.sqrt(2 * indenter.R / (2 * indenter.R - tip_points[:, 1]))
+    n = len(grid.points)
+    m = len(tip_grid.points)
+    all_points = np.concatenate([points[:n], tip_points[:m], points[n:], tip_points[m:]])
+    # Numbers of the points of each body among those of both.
+    body_numbers = np.concatenate([np.arange(n), np.arange(n, len(points)) + m])
+    tip_numbers = np.concatenate([np.arange(m) + n, np.arange(m, len(tip_points)) + len(points)])
+    all_cells = np.concatenate([body_numbers[cells], tip_numbers[tip_cells]])
+    regions = np.concatenate([grid.regions, np.full(len(tip_cells), len(part.regions) - 1)])
+    surfaces = {
+        **grid.surfaces,
+        **{TIP_PREFIX + name: n + facets for name, facets in tip_grid.surfaces.items()},
+    }
+    fingerprint = f"{grid.hash}-{tip_grid.hash}"
+    tables = (all_points, all_cells, regions.astype(grid.regions.dtype))
+    mesh = _distribute_tables(tables, surfaces, fingerprint, part, comm)
+    return replace(mesh, body_counts=(n, len(grid.cells)))
+
+
+def _distribute_tables(
+    tables: tuple[np.ndarray | None, ...],
+    named_facets: Mapping[str, np.ndarray],
+    fingerprint: str,
+    part: ModelDomain,
+    comm: MPI.Comm,
+) -> BodyMesh:
+    """Distribute points, cells and region numbers, which are None on all ranks but the first."""
+    dim = part.dim
     points, cells, regions = (distributed_rows.scatter_rows(comm, table) for table in tables)
     mesh = compat.create_mesh(comm, cells, points, dim)
     regions = distributed_rows.fetch_rows(
@@ -104,7 +166,7 @@ def distribute(grid: Grid | None, part: ModelDomain, comm: MPI.Comm) -> BodyMesh
         *(
             surfaces[name]
             for name in named_facets
-            if name == "top" or part.supports.get(name) == "roller"
+            if name == "top" or part.supports.get(name) == "roller" or name.startswith(TIP_PREFIX)
         ),
     ]
     noncontact_facets = np.setdiff1d(facets, np.concatenate(excluded_facets))
@@ -118,11 +180,40 @@ def _curved_geometry(grid: Grid, part: ModelDomain) -> tuple[np.ndarray, np.ndar
     """
     if part.top_radius is None:
         return grid.points, grid.cells
+    return _quadratic_geometry(grid, part)
+
+
+def _quadratic_geometry(grid: Grid, part: ModelDomain) -> tuple[np.ndarray, np.ndarray]:
+    """Return points and cells of a section with edge midpoints, those of a spherical top on it."""
     corners = grid.cells
     n = len(grid.points)
     edges = np.sort(corners[:, [[1, 2], [0, 2], [0, 1]]], axis=2).reshape(-1, 2)
     ends, number = np.unique(edges, axis=0, return_inverse=True)
     middles = grid.points[ends].mean(axis=1)
+    if part.top_radius is not None:
+        _move_onto_spheres(grid, part, middles, ends, number)
+    return np.concatenate([grid.points, middles]), np.hstack([corners, n + number.reshape(-1, 3)])
+
+
+def _move_onto_spheres(
+    grid: Grid, part: ModelDomain, middles: np.ndarray, ends: np.ndarray, number: np.ndarray
+) -> None:
+    """Move the midpoints of edges on spherical surfaces and layer interfaces onto the sphere.
+
+    Parameters
+    ----------
+    grid : Grid
+        The grid.
+    part : ModelDomain
+        Its model domain.
+    middles : ndarray, (edges, 2)
+        Midpoints of the edges [length]; they are changed.
+    ends : ndarray of int, (edges, 2)
+        Vertices of the edges.
+    number : ndarray of int
+        Numbers of the edges of each cell.
+    """
+    assert part.top_radius is not None
     arcs = {side.surface for side in part.outline if side.center is not None}
     is_on_sphere = _match_facets(
         ends, np.concatenate([grid.surfaces[name] for name in sorted(arcs)])
@@ -138,7 +229,6 @@ def _curved_geometry(grid: Grid, part: ModelDomain) -> tuple[np.ndarray, np.ndar
     for z, is_on_interface in _layer_interfaces(grid, part, number.ravel(), len(ends)):
         r, height = nearest_on_sphere(part.top_radius + z, *(middles[is_on_interface] - [0.0, z]).T)
         middles[is_on_interface] = np.column_stack([r, height + z])
-    return np.concatenate([grid.points, middles]), np.hstack([corners, n + number.reshape(-1, 3)])
 
 
 def _layer_interfaces(

@@ -120,7 +120,11 @@ class Problem:
 
     def create_tangent(self) -> PETSc.Mat:
         """Create the matrix that `assemble_tangent` fills."""
-        return fem_petsc.create_matrix(self._tangent_form)
+        matrix = fem_petsc.create_matrix(self._tangent_form)
+        if any(term.couples_surfaces for term in self.terms):
+            # The pattern of the forms is that of cells; PETSc adds further entries as they come.
+            matrix.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, False)
+        return matrix
 
     @property
     def depth(self) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 
+from mpi4py import MPI
 from petsc4py import PETSc
 
 from indent_sim.fe.compat import versions
@@ -12,13 +13,15 @@ from indent_sim.fe.condensed.equilibrium import BodyCondenser, CondensedEquilibr
 from indent_sim.fe.condensed.resting_body import RestingBodyCondenser
 from indent_sim.fe.condensed.soft_tip import SoftTipCondenser
 from indent_sim.fe.discrete_body import Body
-from indent_sim.fe.mesh import BodyMesh, distribute
+from indent_sim.fe.mesh import BodyMesh, distribute, distribute_with_tip
 from indent_sim.fe.path.equilibrium import Equilibrium
 from indent_sim.fe.path.load_stepping import LoadStepper
 from indent_sim.fe.postprocessing.fields import Fields
 from indent_sim.fe.solve.equilibrium import BodyEquilibrium
 from indent_sim.fe.terms.scene_terms import additional_fields
 from indent_sim.fe.terms.strain_energy import pressure_fields
+from indent_sim.mesh.grid import Grid
+from indent_sim.process.errors import ConfigError
 from indent_sim.process.ranks import run_on_root
 from indent_sim.scene.scene import Scene
 
@@ -28,6 +31,7 @@ __all__ = [
     "create_equilibrium",
     "create_load_stepper",
     "distribute",
+    "distribute_scene",
     "release",
     "versions",
 ]
@@ -42,7 +46,42 @@ def create_equilibrium(scene: Scene, mesh: BodyMesh) -> Equilibrium:
     if scene.solver.method == "condensed":
         body = Body(scene, mesh, pressure_fields(scene))
         return CondensedEquilibrium(scene, body, _condenser(scene, body))
+    if scene.has_two_body_mesh:
+        scene = scene.two_body_scene()
     return BodyEquilibrium(Body(scene, mesh, additional_fields(scene)))
+
+
+def distribute_scene(scene: Scene, grid: Grid | None, comm: MPI.Comm) -> BodyMesh:
+    """Distribute the grid of a scene among all ranks (collective).
+
+    A soft tip at finite strain is meshed and joined with the body. A condensed one has a mesh of
+    its own.
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene.
+    grid : Grid or None
+        The grid of its body on rank 0, None on the others.
+    comm : MPI.Comm
+        Communicator.
+
+    Raises
+    ------
+    ConfigError
+        If a soft tip at finite strain is solved on several ranks.
+    """
+    if not scene.has_two_body_mesh:
+        return distribute(grid, scene.physics.domain, comm)
+    if comm.size > 1:
+        raise ConfigError(
+            "indenter.material",
+            "a soft tip at finite strain is solved by one process only",
+            "run without mpirun",
+        )
+    assert grid is not None
+    assert scene.tip_scene is not None
+    return distribute_with_tip(grid, scene.tip_scene.grid(), scene.two_body_scene(), comm)
 
 
 def _condenser(scene: Scene, body: Body) -> BodyCondenser:

@@ -15,6 +15,11 @@ from indent_sim.config.quantities import dimension_of_key, pressure_keys, si_fac
 from indent_sim.config.scene_file import config_from_mapping, to_mapping
 from indent_sim.config.schema import Config
 from indent_sim.config.strict_yaml import key_path
+from indent_sim.fitting.forward_model.cone_loop import (
+    HARDENING_KEY,
+    YIELD_STRESS_KEY,
+    yields,
+)
 from indent_sim.fitting.forward_model.elastic_load_curve import (
     elastic_config,
     plan_elastic_run,
@@ -24,9 +29,10 @@ from indent_sim.fitting.forward_model.forward_model import (
     APPROACH,
     RETRACT,
     ForwardModel,
-    ForwardModelCache,
     is_time_dependent,
 )
+from indent_sim.fitting.forward_model.forward_model_cache import ForwardModelCache
+from indent_sim.fitting.forward_model.loop_forward_model import LoopForwardModel
 from indent_sim.fitting.forward_model.measured_path_forces import (
     first_contact_time,
     needs_time_stepping,
@@ -69,7 +75,8 @@ from indent_sim.fitting.inference.model_assessment import (
     width_inflation_factors,
 )
 from indent_sim.fitting.inference.profile_likelihood import add_profile_intervals
-from indent_sim.process.errors import ConfigError
+from indent_sim.process.errors import ConfigError, UsageError
+from indent_sim.results.measured.indentation_cycle import indentation_cycle
 from indent_sim.results.measured.measurement import CurvePart, MeasuredCurve, NoCurve
 from indent_sim.results.pictures.axes import scaled_axis
 from indent_sim.results.reader import Results
@@ -183,8 +190,11 @@ def fit_curve(curve: MeasuredCurve, request: FitRequest, tables: ForwardModelCac
     start_time = time.process_time()
     try:
         with np.errstate(all="ignore"):
+            converted = convert_to_scene_units(curve, request.config)
+            if yields(request.config):
+                converted = _with_parts_by_force(converted)
             return _fit_and_assess(
-                convert_to_scene_units(curve, request.config).part(request.curve_part),
+                converted.part(request.curve_part),
                 request,
                 tables,
                 start_time,
@@ -199,6 +209,23 @@ def fit_curve(curve: MeasuredCurve, request: FitRequest, tables: ForwardModelCac
             f"the fit failed numerically ({error_text}); check the columns and units of the curve"
         )
         return rejected_fit(curve.name, reason, time.process_time() - start_time)
+
+
+def _with_parts_by_force(curve: MeasuredCurve) -> MeasuredCurve:
+    """Return the curve of a body that yields with its parts found by the force.
+
+    Such a body recovers by some per cent of the depth, so that by its depth unloading is a hold.
+    """
+    depth = curve.abscissa_values(curve.available_abscissa("delta"))
+    try:
+        cycle = indentation_cycle(depth - depth.min(), curve.force - curve.force.min())
+    except UsageError as error:
+        raise NoCurve(str(error)) from None
+    # With noise the largest force is not where the tip turns, which the depth shows.
+    deepest = int(np.argmax(depth[: cycle.end]))
+    first = deepest if cycle.hold_start is None else min(cycle.hold_start, deepest)
+    parts = {"approach": slice(0, first + 1), "retract": slice(deepest + 1, cycle.end)}
+    return replace(curve, parts=parts)
 
 
 def convert_to_scene_units(curve: MeasuredCurve, config: Config) -> MeasuredCurve:
@@ -240,7 +267,9 @@ def _fit_and_assess(
     if is_time_dependent(config) and samples.t is None:
         raise NoCurve("no column of time, which a viscoelastic or poroelastic scene needs")
     errors: tuple[float, ...] = ()
-    if needs_time_stepping(config):
+    if yields(config):
+        estimate = _fit_loop(config, request, samples, tables)
+    elif needs_time_stepping(config):
         estimate = _fit_along_path(config, request, samples, tables)
     else:
         estimate, baseline_notes, errors = _fit_elastic(config, request, samples, tables)
@@ -337,6 +366,46 @@ def _fit_adhesive_load_curve(
         "the adhesive contact is larger than any that was solved: the adhesion is too strong for "
         "the depth of the curve"
     )
+
+
+def _fit_loop(
+    config: Config, request: FitRequest, samples: Samples, tables: ForwardModelCache
+) -> Estimate:
+    """Fit a body that yields to loading and unloading.
+
+    Raises
+    ------
+    ConfigError
+        If the part of the curve is not a loop.
+    FitRejected
+        If the fit leaves the range of materials that is tabulated.
+    """
+    if request.curve_part not in ("approach", "both"):
+        raise ConfigError(
+            f"--segment {request.curve_part}",
+            "is not a loop of a body that yields",
+            "give --segment both (loading and unloading), or approach for one parameter",
+        )
+    if request.curve_part == "approach" and len(request.varied_keys) > 1:
+        raise ConfigError(
+            "--segment approach",
+            "loading of a cone is one number, F/h^2, which does not determine "
+            f"{' and '.join(request.varied_keys)}",
+            "give --segment both, or vary one key",
+        )
+    forward_model = tables.forward_model(
+        config, request.varied_keys, max_contact_depth(samples, config)
+    )
+    assert isinstance(forward_model, LoopForwardModel)
+    estimate = fit_model(forward_model, samples, request.origin)
+    ratio = forward_model.metal(estimate.theta).ratio
+    low, high = forward_model.ratio_bounds
+    if not low < ratio < high:
+        raise FitRejected(
+            f"E/yield_stress = {ratio:.3g} is outside the range of {low:g} to {high:g} in which "
+            "loops are tabulated: check units, half angle and frame compliance"
+        )
+    return estimate
 
 
 def _fit_along_path(
@@ -449,8 +518,10 @@ def prepare_curve(curve: MeasuredCurve, request: FitRequest) -> tuple[Config, Sa
         notes.append("no spring is known: the displacement of the base is taken as the depth")
     t = None if curve.t is None else curve.t - curve.t[0]
     samples = Samples(curve.abscissa_values(column), curve.force, t)
-    if config.experiment and config.experiment.adhesion:
+    if yields(config) or (config.experiment and config.experiment.adhesion):
         samples = _order_by_time(samples, curve, request.curve_part)
+    if yields(config):
+        samples = replace(samples, turn=float(samples.x.max()))
     return config, samples, notes
 
 
@@ -552,7 +623,9 @@ def _assess_model(
     residual_trend = find_residual_trend(estimate)
     p_baseline = baseline_noise_probability(estimate)
     alternatives: list[AlternativeModel] = []
-    if model_choice == "all" or is_suspect(depth_ranges, residual_trend, p_baseline):
+    is_wanted = model_choice == "all" or is_suspect(depth_ranges, residual_trend, p_baseline)
+    # Other models are elastic.
+    if is_wanted and not forward_model.follows_loop:
         alternatives = alternative_models.fit_alternatives(estimate, config, tables)
     half_widths = systematic_half_widths(
         estimate, forward_model.relative_error, relative_calibration_error(config, forward_model)
@@ -736,6 +809,8 @@ def _hertz_comparison(assessment: ModelAssessment, config: Config) -> dict[str, 
     """
     estimate = assessment.estimate
     forward_model = assessment.estimate.model.forward_model
+    if forward_model.follows_loop:
+        return None
     planned_run = plan_elastic_run(config, forward_model.max_depth)
     point_count = 200
     samples = estimate.model.samples.block_means(point_count)
@@ -880,6 +955,7 @@ def _summary(assessment: ModelAssessment, config: Config) -> str:
         _parameter_sentence(assessment, k, config)
         for k in range(assessment.estimate.model.coordinate_count)
     ]
+    sentences += [tied] if (tied := _hardening_sentence(assessment.estimate)) else []
     if assessment.is_adequate:
         return " ".join([*sentences, "Nothing in the curve contradicts the scene."])
     better_names = ", ".join(model.name for model in assessment.better_models)
@@ -890,6 +966,21 @@ def _summary(assessment: ModelAssessment, config: Config) -> str:
         alternative = "none of the alternative models does."
     return " ".join(
         [*sentences, f"The scene does not explain the curve; {alternative}".rstrip("; ")]
+    )
+
+
+def _hardening_sentence(estimate: Estimate) -> str:
+    """Return a sentence if one loop does not tell the yield stress from hardening, else ""."""
+    keys = estimate.model.forward_model.varied_keys
+    if not {YIELD_STRESS_KEY, HARDENING_KEY} <= set(keys):
+        return ""
+    pair = [keys.index(YIELD_STRESS_KEY), keys.index(HARDENING_KEY)]
+    covariance = estimate.uncertainty.covariance[np.ix_(pair, pair)]
+    scale = math.sqrt(covariance[0, 0] * covariance[1, 1])
+    correlation = float(covariance[0, 1]) / scale if scale > 0 else -1.0
+    return (
+        "One cone does not determine yield_stress and n separately (correlation "
+        f"{correlation:.3f}): a loop with another half angle, or of a sphere, does."
     )
 
 

@@ -16,7 +16,7 @@ from indent_sim.fitting.curve_fit import (
     fit_curve,
 )
 from indent_sim.fitting.fit_folder import ReadOptions
-from indent_sim.fitting.forward_model.forward_model import ForwardModelCache
+from indent_sim.fitting.forward_model.forward_model_cache import ForwardModelCache
 from indent_sim.fitting.forward_model.parameters import replace_numbers
 from indent_sim.fitting.inference.model_assessment import BETTER_MODEL_P, Interval
 from indent_sim.process.errors import ConfigError, NotConverged

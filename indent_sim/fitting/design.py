@@ -20,11 +20,15 @@ from indent_sim.fitting.curve_fit import (
     format_interval,
     relative_calibration_error,
 )
+from indent_sim.fitting.forward_model.cone_loop import HARDENING_KEY, yields
 from indent_sim.fitting.forward_model.forward_model import (
+    APPROACH,
+    RETRACT,
     ForwardModel,
-    ForwardModelCache,
     relaxation_of,
 )
+from indent_sim.fitting.forward_model.forward_model_cache import ForwardModelCache
+from indent_sim.fitting.forward_model.loop_forward_model import LoopForwardModel
 from indent_sim.fitting.forward_model.measured_path_forces import (
     MeasuredPath,
     needs_time_stepping,
@@ -45,7 +49,7 @@ from indent_sim.fitting.inference.model_assessment import (
     systematic_half_widths,
     width_inflation_factors,
 )
-from indent_sim.fitting.inference.noise import WHITE, ParameterUncertainty
+from indent_sim.fitting.inference.noise import NORMAL_95, WHITE, ParameterUncertainty
 from indent_sim.fitting.inference.profile_likelihood import add_profile_intervals
 from indent_sim.process.errors import ConfigError, NotConverged
 from indent_sim.run.planned_run import PlannedRun
@@ -159,6 +163,8 @@ class _PlannedMeasurement:
         baseline
             Length of the baseline, relative to the largest depth.
         """
+        if isinstance(self.forward_model, LoopForwardModel):
+            return self._loop_model(self.forward_model, points, baseline)
         deepest_index = int(np.argmax(self.x))
         # The baseline before a jump has the speed of an approach that takes this fraction of the
         # history.
@@ -175,6 +181,28 @@ class _PlannedMeasurement:
                 x, np.zeros(points), t - t[0] if self.forward_model.is_time_dependent else None
             ),
         )
+
+    def _loop_model(
+        self, forward_model: LoopForwardModel, points: int, baseline: float
+    ) -> CurveModel:
+        """Return the model of a loop, in which loading and unloading have equally many samples.
+
+        The depth of loading and the force of unloading are equally spaced.
+        """
+        side = max(round(points / (2.0 + baseline)), 2)
+        before = max(points - 2 * side, 0)
+        _, loop = forward_model.loop(forward_model.initial_coordinates)
+        down = loop.depths_of(np.linspace(1.0, 0.0, side + 1)[1:], self.depth)
+        x = np.concatenate(
+            [
+                -baseline * self.depth * np.linspace(1.0, 0.0, before, endpoint=False),
+                self.depth * np.linspace(0.0, 1.0, side),
+                down,
+            ]
+        )
+        branch = np.repeat([APPROACH, RETRACT], [before + side, side])
+        samples = Samples(x, np.zeros(len(x)), None, branch, self.depth)
+        return CurveModel(forward_model, samples)
 
     @property
     def max_force(self) -> float:
@@ -247,6 +275,8 @@ def _evaluate_design(config: Config, keys: Sequence[str], noise: float, points: 
         _evaluate_change(config, change, tuple(keys), (points, noise_force), tables)
         for change in _possible_changes(config, keys)
     )
+    if HARDENING_KEY in keys:
+        improvements = (*improvements, _second_cone(measurement, estimate, points, tables))
     ratios = dict(zip(keys, width_inflation_factors(estimate), strict=True))
     baseline = _sufficient_baseline(measurement, points, noise_force)
     assessment = _adequate_assessment(measurement, estimate)
@@ -277,6 +307,10 @@ def _plan_measurement(
     depth = max(PlannedRun.resolve(config).depths)
     if not depth > 0:
         raise ConfigError("loading", "the tip never touches the body", "give loading.delta > 0")
+    if yields(config):
+        loop_model = tables.forward_model(config, keys, depth)
+        path = np.array([0.0, depth, 0.0]), np.array([0.0, 1.0, 2.0])
+        return _PlannedMeasurement(config, loop_model, depth, *path)
     measured_path = _scene_path(config)
     history = config.loading.prescribed_history
     try:
@@ -397,6 +431,55 @@ def _evaluate_change(
         )
     except ForwardModelUnavailable as error:
         return DesignImprovement(reported_change, {}, str(error))
+
+
+def _second_cone(
+    measurement: _PlannedMeasurement, estimate: Estimate, points: int, tables: ForwardModelCache
+) -> DesignImprovement:
+    """Return the intervals if a loop with another cone is measured as well.
+
+    The information of both loops about the parameters is added.
+    """
+    # A sharp cone has larger representative strains than the usual 70.3 degrees; both are tabulated
+    # in the literature.
+    sharp = 50.0
+    usual = 70.3
+    half_angle = number_at(measurement.config, "indenter.half_angle")
+    other_angle = sharp if half_angle > 0.5 * (sharp + usual) else usual
+    change = {"and indenter.half_angle": other_angle}
+    config = replace_numbers(measurement.config, {"indenter.half_angle": other_angle})
+    keys = measurement.forward_model.varied_keys
+    try:
+        other = _plan_measurement(config, keys, tables)
+        noise_force = float(estimate.uncertainty.s2**0.5)
+        estimates = (estimate, other.expected_estimate(points, noise_force))
+    except ForwardModelUnavailable as error:
+        return DesignImprovement(change, {}, str(error))
+    information = sum(np.linalg.pinv(_coordinate_covariance(one)) for one in estimates)
+    deviations = np.sqrt(np.diag(np.linalg.pinv(information)))
+    intervals = {}
+    for parameter, theta, sd in zip(
+        measurement.forward_model.parameters, estimate.theta, deviations, strict=True
+    ):
+        low, high = np.clip([theta - NORMAL_95 * sd, theta + NORMAL_95 * sd], *parameter.bounds)
+        ends = parameter.value(float(low)), parameter.value(float(high))
+        intervals[parameter.key] = Interval(parameter.value(float(theta)), *ends)
+    return DesignImprovement(change, intervals)
+
+
+def _coordinate_covariance(estimate: Estimate) -> np.ndarray:
+    """Return the covariance (k, k) of theta by noise, and by the errors of the tabulated loops."""
+    model = estimate.model
+    J = model.jacobian(estimate.p)[:, model.is_free]
+    inverse = np.linalg.pinv(J.T @ J)
+    k = model.coordinate_count
+    covariance: np.ndarray = estimate.uncertainty.s2 * inverse[:k, :k]
+    force = model.contact_force(estimate.p)
+    errors = (model.forward_model.relative_error * force, *model.unloading_errors(estimate.p))
+    for error in errors:
+        shift = (inverse @ (J.T @ error))[:k] / NORMAL_95
+        covariance = covariance + np.outer(shift, shift)
+    return covariance
 
 
 def _sufficient_baseline(

@@ -28,9 +28,11 @@ from indent_sim.fitting.curve_fit import (
     rejected_fit,
     request_identity,
 )
-from indent_sim.fitting.forward_model.forward_model import ForwardModelCache
+from indent_sim.fitting.forward_model.cone_loop import HARDENING_KEY, yields
+from indent_sim.fitting.forward_model.forward_model_cache import ForwardModelCache
 from indent_sim.fitting.forward_model.parameters import number_at
 from indent_sim.fitting.inference.model_assessment import Interval
+from indent_sim.fitting.measured_constants import LOOP_NODES, LOOP_SECONDS
 from indent_sim.process.child_process import ChildProcess, ProcessCrash, run_calls
 from indent_sim.process.errors import (
     BackendError,
@@ -221,12 +223,23 @@ def tell_cost(request: FitRequest, tell: ReportLine) -> None:
 
     Raises ConfigError if the scene is not valid.
     """
+    if yields(request.config):
+        return tell(loop_cost(request.varied_keys))
     planned_run = PlannedRun.resolve(request.config)
     if not planned_run.scene.is_meshed:
         return
     count = "at most one is needed" if is_self_similar(request.config) else "one or more are needed"
     seconds = planned_run.study_seconds(error_bars=True)
     tell(f"a solution by finite elements takes about {seconds:.2g} s of CPU time; {count}")
+
+
+def loop_cost(keys: Sequence[str]) -> str:
+    """Return a sentence about the runs that the fit of a body that yields needs."""
+    count = LOOP_NODES**2 if HARDENING_KEY in keys else LOOP_NODES
+    return (
+        f"the table of loops needs {count} to {2 * count} runs of about {LOOP_SECONDS:g} s of CPU "
+        "time each, which all curves share"
+    )
 
 
 class _Writer:

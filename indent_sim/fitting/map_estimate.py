@@ -24,7 +24,7 @@ from indent_sim.fitting.curve_fit import (
     relative_calibration_error,
     request_identity,
 )
-from indent_sim.fitting.forward_model.forward_model import ForwardModelCache
+from indent_sim.fitting.forward_model.forward_model_cache import ForwardModelCache
 from indent_sim.fitting.forward_model.parameters import replace_numbers
 from indent_sim.fitting.inference.model_assessment import Interval
 from indent_sim.fitting.inference.noise import NORMAL_95

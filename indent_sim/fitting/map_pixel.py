@@ -18,7 +18,7 @@ from indent_sim.fitting.curve_fit import (
     fit_curve,
     format_interval,
 )
-from indent_sim.fitting.forward_model.forward_model import ForwardModelCache
+from indent_sim.fitting.forward_model.forward_model_cache import ForwardModelCache
 from indent_sim.fitting.forward_model.parameters import replace_numbers
 from indent_sim.fitting.inference.estimate import OriginOptions
 from indent_sim.fitting.inference.model_assessment import Interval

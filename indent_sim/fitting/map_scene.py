@@ -22,7 +22,8 @@ from indent_sim.fitting.forward_model.elastic_load_curve import (
     TabulatedLoadCurve,
     solve_load_curve,
 )
-from indent_sim.fitting.forward_model.forward_model import ForwardModel, ForwardModelCache
+from indent_sim.fitting.forward_model.forward_model import ForwardModel
+from indent_sim.fitting.forward_model.forward_model_cache import ForwardModelCache
 from indent_sim.fitting.forward_model.parameter_grid import ForwardModelUnavailable
 from indent_sim.fitting.forward_model.parameters import (
     MIN_HEIGHT_DEPTHS,

@@ -22,7 +22,7 @@ from indent_sim.fitting.curve_fit import (
     keys_of_part,
 )
 from indent_sim.fitting.fit_folder import ReadOptions
-from indent_sim.fitting.forward_model.forward_model import ForwardModelCache
+from indent_sim.fitting.forward_model.forward_model_cache import ForwardModelCache
 from indent_sim.fitting.inference.estimate import OriginOptions
 from indent_sim.fitting.inference.model_assessment import Interval
 from indent_sim.fitting.map_result import MapFit

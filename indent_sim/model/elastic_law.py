@@ -69,7 +69,12 @@ class ElasticLaw(ABC):
     @property
     def is_time_dependent(self) -> bool:
         """True if the response changes with time, other than by a common factor of all moduli."""
-        return self.flow is not None or self.has_shear_relaxation
+        return self.flow is not None or self.has_shear_relaxation or self.creeps
+
+    @property
+    def creeps(self) -> bool:
+        """True if plastic flow depends on the rate."""
+        return self.plasticity is not None and self.plasticity.creep is not None
 
     @property
     @abstractmethod

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import chain, pairwise
 from typing import Literal
@@ -9,6 +10,30 @@ from typing import Literal
 from indent_sim.model.tip_track import TipTrack
 
 Control = Literal["depth", "force"]
+
+
+@dataclass(frozen=True)
+class Unloading:
+    """Last rows of a path that go back until the tip lets go.
+
+    Attributes
+    ----------
+    start
+        Number of the row after which unloading begins, from 1.
+    rows
+        Number of rows of unloading.
+    to
+        Depth or force at which it ends at the latest.
+    """
+
+    start: int
+    rows: int
+    to: float
+
+    @property
+    def last(self) -> int:
+        """Number of the last row, from 1."""
+        return self.start + self.rows
 
 
 @dataclass(frozen=True)
@@ -39,6 +64,9 @@ class LoadPath:
         Displacements of the tip at `turns` [length]; empty if there are none, or without a slide.
     slide_axis
         Horizontal axis along which the tip slides: 0 (x) or 1 (y).
+    unloading
+        The rows that go back until the tip lets go; None if there are none. Depths of a body that
+        yields are known only when it is solved: `values` are then those of an elastic body.
     """
 
     control: Control
@@ -51,6 +79,7 @@ class LoadPath:
     slides: tuple[float, ...] = ()
     turn_slides: tuple[tuple[float, ...], ...] = ()
     slide_axis: int = 0
+    unloading: Unloading | None = None
 
     def slide(self, step: int) -> float:
         """Return the horizontal displacement of the tip at a row [from 1, or 0: the beginning]."""
@@ -105,6 +134,10 @@ class LoadPath:
             slides=slides if self.slides else (),
             turn_slides=tuple(x for *_, x in segment_points) if self.turn_slides else (),
             slide_axis=self.slide_axis,
+            unloading=self.unloading
+            and replace(
+                self.unloading, start=2 * self.unloading.start, rows=2 * self.unloading.rows
+            ),
         )
         if self.start_time is None:
             return path
@@ -123,7 +156,9 @@ class LoadPath:
     @property
     def is_increasing(self) -> bool:
         """True if the values increase strictly."""
-        return not any(self.turns) and all(b > a for a, b in pairwise(self.values))
+        steps = range(1, len(self.values) + 1)
+        values = [value for step in steps for value, _ in self.segment(step)]
+        return all(b > a for a, b in pairwise(values))
 
     @property
     def hold_count(self) -> int:
@@ -242,7 +277,12 @@ class LoadPath:
             turns=turns,
             slides=tuple(x / length for x in self.slides),
             turn_slides=tuple(tuple(x / length for x in segment) for segment in self.turn_slides),
+            unloading=self.unloading and replace(self.unloading, to=self.unloading.to / unit),
         )
+
+    def with_first_values(self, values: Sequence[float]) -> LoadPath:
+        """Return the same path with other values of its first rows."""
+        return replace(self, values=(*values, *self.values[len(values) :]))
 
     @property
     def retained_rows(self) -> frozenset[int]:

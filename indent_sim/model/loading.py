@@ -9,8 +9,18 @@ from typing import Annotated
 from annotated_types import Ge, Gt, Le, Len
 
 from indent_sim.model.history import History
-from indent_sim.model.load_path import Control, LoadPath
-from indent_sim.model.units import ANGLE, FORCE, LENGTH, TIME, Auto, Coordinate, Length, UnitRow
+from indent_sim.model.load_path import Control, LoadPath, Unloading
+from indent_sim.model.units import (
+    ANGLE,
+    FORCE,
+    LENGTH,
+    TIME,
+    Auto,
+    Coordinate,
+    Length,
+    LengthOrZero,
+    UnitRow,
+)
 
 MAX_STEPS = 100_000
 MAX_HISTORY_POINTS = 10_000
@@ -25,6 +35,9 @@ STEPPED_KEYS = ("delta", "force")
 
 
 MAX_SLIDES = 1000
+# Exponent of force over recovered depth by which prescribed forces of unloading are spread: rows
+# of a paraboloid are then equally far apart, and those of other tips nearly so.
+UNLOADING_EXPONENT = 1.5
 
 
 @dataclass(frozen=True)
@@ -61,6 +74,20 @@ class Slide:
 
 
 @dataclass(frozen=True)
+class Unload:
+    """Way back after the last depth or force, in `rows` rows.
+
+    It ends at the depth `to`, or at this force if forces are prescribed, but not later than where
+    the tip lets go: the last row is then the one at which the force has become zero. With
+    prescribed depths the rows divide the recovered depth into equal parts; prescribed forces are
+    those of a paraboloid at such depths.
+    """
+
+    to: LengthOrZero = 0.0
+    rows: Annotated[int, Gt(0), Le(MAX_STEPS)] = 10
+
+
+@dataclass(frozen=True)
 class Loading:
     """Prescribed depths or forces, in order or in time.
 
@@ -76,12 +103,12 @@ class Loading:
     delta > 0 is indentation; negative values in `deltas` keep the tip clear of the body [length].
     Forces are those of the whole body (per unit length in plane strain). Negative forces require
     adhesion and must not exceed the attraction at first contact. Without adhesion a force of 0
-    means delta = 0, where the tip just touches.
+    means delta = 0, where the tip just touches; after yield it means the depth at which it lets go.
 
-    With `slide` the tip then moves sideways at the last depth or force. With `slide_history` it
-    moves along x during a history: points [t, x] with the displacement from where it is pressed in
-    [length], beginning at x = 0, linear between the points, and at rest before and after them. The
-    body must relax in shear or drain.
+    With `slide` the tip then moves sideways at the last depth or force, with `unload` it goes back.
+    With `slide_history` it moves along x during a history: points [t, x] with the displacement from
+    where it is pressed in [length], beginning at x = 0, linear between the points, and at rest
+    before and after them. The body must relax in shear or drain.
     """
 
     delta: Length | None = None
@@ -97,6 +124,7 @@ class Loading:
     per_doubling: Annotated[int, Ge(2), Le(1000)] | None = None
     slide: Slide | None = None
     slide_history: Annotated[tuple[HistoryPoint, ...], Len(2, MAX_HISTORY_POINTS)] | None = None
+    unload: Unload | None = None
 
     @property
     def slides(self) -> bool:
@@ -133,9 +161,23 @@ class Loading:
             else tuple(prescribed * n / self.steps for n in range(1, self.steps + 1))
         )
         control: Control = "depth" if key in ("delta", "deltas") else "force"
+        if self.unload is not None:
+            return _with_unloading(LoadPath(control, values), self.unload)
         if self.slide is None:
             return LoadPath(control, values)
         displacements = self.slide.displacements
         held = values[-1:] * len(displacements)
         slides = (0.0,) * len(values) + displacements
         return LoadPath(control, values + held, slides=slides, slide_axis=self.slide.axis)
+
+
+def _with_unloading(path: LoadPath, unload: Unload) -> LoadPath:
+    """Return a path with the way back after its last value."""
+    top = path.values[-1]
+    exponent = UNLOADING_EXPONENT if path.control == "force" else 1.0
+    way_back = tuple(
+        unload.to + (top - unload.to) * ((unload.rows - n) / unload.rows) ** exponent
+        for n in range(1, unload.rows + 1)
+    )
+    unloading = Unloading(len(path.values), unload.rows, unload.to)
+    return LoadPath(path.control, path.values + way_back, unloading=unloading)

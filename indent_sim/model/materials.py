@@ -30,5 +30,9 @@ Material = (
 )
 # Laws whose energy separates into a shear and a volumetric part, so that shear may relax alone.
 ShearRelaxingLaw = LinearElastic | Hencky | MooneyRivlin | Yeoh | Ogden | Gent | Fung | ArrudaBoyce
+# Laws of a soft tip.
+TipLaw = (
+    LinearElastic | NeoHookean | Hencky | MooneyRivlin | Yeoh | Ogden | Gent | Fung | ArrudaBoyce
+)
 # Laws that may have `plasticity`.
 YieldingLaw = LinearElastic | Hencky

@@ -22,8 +22,10 @@ MOMENT_COLUMNS = ("moment", "x_contact")
 SLIDE_COLUMNS = ("x",)
 # Columns of scenes with fluid in the pores.
 FLUID_COLUMNS = ("outflow", "pore_pressure_max")
-# Columns of scenes with a body that yields.
-PLASTIC_COLUMNS = ("plastic_dissipation", "hardness")
+# Columns of scenes with a body that yields, in whose tables DERIVED_COLUMNS are absent.
+PLASTIC_COLUMNS = ("plastic_dissipation", "hardness", "contact_area", "unloading_stiffness")
+# Columns of scenes with `loading.unload`.
+UNLOADING_COLUMNS = ("residual_depth",)
 # Columns of scenes with a soft tip.
 SOFT_TIP_COLUMNS = ("tip_sink", "tip_energy")
 # Columns of bodies that rest on a flat without a bond.
@@ -33,6 +35,7 @@ ERROR_COLUMNS = (
     "a_error",
     "p_max_error",
     "delta_error",
+    "residual_depth_error",
     "stick_radius_error",
     "dissipation_error",
     "moment_error",
@@ -169,6 +172,12 @@ class State:
         Energy dissipated by plastic flow since the undeformed state [energy].
     hardness
         Force over contact area of a body that yields [pressure].
+    contact_area
+        Contact area of a body that yields [length^2].
+    unloading_stiffness
+        dF/ddelta of a body that yields, at the beginning of unloading [force/length].
+    residual_depth
+        Depth at which the force has become zero on the way back [length]; NaN in other rows.
     side_force_x, side_force_y
         Horizontal force on the tip, with friction, a tilt or a slide, along an axis to which no
         mirror plane is normal [force]. Of a sliding tip it includes the force of the pressure on
@@ -181,8 +190,8 @@ class State:
         an upright tip along its slide [force length]. The axis moves with the slide.
     x_contact
         Distance of the resultant vertical force from the tip's axis in this direction [length].
-    force_error, a_error, p_max_error, delta_error, stick_radius_error, dissipation_error,
-    side_force_x_error, side_force_y_error, moment_error, x_contact_error
+    force_error, a_error, p_max_error, delta_error, residual_depth_error, stick_radius_error,
+    dissipation_error, side_force_x_error, side_force_y_error, moment_error, x_contact_error
         Error estimates: half-widths of intervals, in the unit of the quantity.
     t, z, branch
         Time [time], position of the base [length] and branch (approach, hold, retract) of a
@@ -242,6 +251,9 @@ class State:
     dissipation: float | None = None
     plastic_dissipation: float | None = None
     hardness: float | None = None
+    contact_area: float | None = None
+    unloading_stiffness: float | None = None
+    residual_depth: float | None = None
     side_force_x: float | None = None
     side_force_y: float | None = None
     moment: float | None = None
@@ -250,6 +262,7 @@ class State:
     a_error: float | None = None
     p_max_error: float | None = None
     delta_error: float | None = None
+    residual_depth_error: float | None = None
     stick_radius_error: float | None = None
     dissipation_error: float | None = None
     moment_error: float | None = None
@@ -370,9 +383,7 @@ def _field_units(scales: Scales) -> dict[str, float]:
     units |= dict.fromkeys(("energy", "tip_energy", "dissipation", "plastic_dissipation"), energy)
     units |= dict.fromkeys(("outflow", "moved", "unbalanced"), energy / P)
     units |= dict.fromkeys(("p_max", "E_hertz", "hardness", "pore_pressure_max"), P)
-    depths = {"delta": depth, "z": depth}
-    return (
-        units
-        | depths
-        | {"calibration_error": F, "stiffness": F / depth, "area": L ** (scales.dim - 1)}
-    )
+    depths = {"delta": depth, "z": depth, "residual_depth": depth}
+    units |= dict.fromkeys(("stiffness", "unloading_stiffness"), F / depth)
+    units |= dict.fromkeys(("area", "contact_area"), L ** (scales.dim - 1))
+    return units | depths | {"calibration_error": F}

@@ -142,13 +142,21 @@ exponent [1] $b$: exponent of the power law, between 0 (elastic) and 1 (a liquid
 time [time] $t_0$: time at which the modulus of the power law is `material.E`
 plasticity: von Mises yield with isotropic hardening, of a metal or a glass
 yield_stress [pressure] $\sigma_y$: yield stress in uniaxial tension before any plastic strain
-plasticity.n [1] $n$: exponent of power-law hardening, yield_stress (1 + E alpha/yield_stress)^n
-  with the equivalent plastic strain alpha
+hardening: growth of the yield stress with the equivalent plastic strain alpha, by one law
+hardening.n [1] $n$: exponent of power-law hardening, yield_stress (1 + E alpha/yield_stress)^n
+hardening.linear [pressure]: hardening modulus: the yield stress grows by linear alpha
+plasticity.n [1] $n$: short form of hardening: {n: ...}
+plasticity.linear [pressure]: short form of hardening: {linear: ...}
+plasticity.voce: short form of hardening: {voce: ...}
 material.n [1] $n$: exponent of power-law hardening
-plasticity.linear [pressure]: hardening modulus: the yield stress grows by linear alpha
 material.linear [pressure]: hardening modulus of plasticity
 voce: saturating hardening: the yield stress grows by rise (1 - exp(-alpha/strain))
 rise [pressure]: largest growth of the yield stress
+creep: plastic flow that depends on the rate: the flow stress is sigma(alpha) (1 + (alpha'/rate)^m)
+  at the rate alpha' of the equivalent plastic strain; needs a load path in time
+rate [1/time]: rate of the equivalent plastic strain at which the flow stress is twice that of slow
+  loading
+m [1] $m$: sensitivity of the overstress to the rate; small: nearly independent of time
 strain [1]: equivalent plastic strain at which 63 % of the rise is reached
 E_star [pressure] $E^*$: plane-strain modulus E / (1 - nu^2)
 
@@ -163,7 +171,8 @@ rotation [degrees]: rotation of the pyramid about z; at 0 the normal of one face
 points [length] $(r_i, z_i)$: points [r, z] of the profile from the apex [0, 0] outwards, connected
   by straight lines
 edge_radius [length] $\rho$: radius that rounds the edge of the flat punch; 0: sharp
-indenter.material: linear elastic law of a soft tip; default: the tip is rigid
+indenter.material: law of a soft tip: linear elastic, or hyperelastic on a hyperelastic body; by
+  default the tip is rigid
 indenter.thickness [length]: thickness of a soft tip: distance from its lowest point to the rigid
   holder to which it is bonded, of a sphere or paraboloid at most R, by default R, half a ball
 center [length] $(x_0, y_0)$: position of the tip's axis, [x, y], for a strip [x]; default: axis of
@@ -193,7 +202,7 @@ steps [1]: number of equal steps to `delta` or `force`
 deltas [length] $\delta_i$: sequence of depths instead of `delta`, also for unloading; < 0: the tip
   is clear of the body
 forces [force] $F_i$: sequence of forces instead of `force`, also for unloading; 0: the tip just
-  touches, at delta = 0
+  touches, at delta = 0, or where it lets go of a body that has yielded
 history [time, length]: depth over time as a list of points [t, delta]; with a cantilever or a frame
   [t, z]
 force_history [time, force]: force over time as a list of points [t, force]
@@ -208,6 +217,11 @@ to [length] $x_i$: displacements to which the tip slides one after another, from
   pressed in; one number is a scratch
 slide.steps [1]: number of rows on each stretch of the slide
 along [degrees]: direction of the slide, from x: 0 (x) or 90 (y)
+loading.unload: the way back after the last depth or force
+unload.to [length]: depth at which unloading ends unless the tip lets go before; a force if forces
+  are prescribed; 0: where the force has become zero
+unload.rows [1]: number of rows of unloading
+loading.rows [1]: number of rows of unloading
 
 ## Drainage
 drainage: boundary conditions of the pore fluid, and its bath
@@ -324,6 +338,11 @@ dissipation [energy]: energy dissipated by friction since the previous row; with
 plastic_dissipation [energy]: energy dissipated by plastic flow since the undeformed state; with
   plasticity
 hardness [pressure] $H$: force over contact area under load; with plasticity
+contact_area [area] $A$: contact area under load; with plasticity, in place of area
+unloading_stiffness [force/length] $S$: slope of the load curve if unloading began at this row; with
+  plasticity, in place of stiffness
+residual_depth [length] $h_r$: depth at which the force has become zero on the way back; in the last
+  row, with loading.unload
 side_force_x [force]: force on the tip along x; with friction, a slide, or a tilt and gap: current,
   if no mirror plane is normal to x; of a sliding tip with the force of the pressure on its slope
 side_force_y [force]: force on the tip along y, as side_force_x
@@ -337,6 +356,8 @@ a_error [length]: estimated error of the contact radius: half-width of its inter
 p_max_error [pressure]: estimated error of the largest pressure: half-width of its interval
 delta_error [length]: estimated error of a depth that is computed for a force: half-width of its
   interval
+residual_depth_error [length]: estimated error of the residual depth: half-width of its interval;
+  with loading.unload
 stick_radius_error [length]: estimated error of the stick radius: half-width of its interval; with
   friction
 dissipation_error [energy]: estimated error of the dissipation: half-width of its interval; with

@@ -19,7 +19,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 from annotated_types import Ge, Le, Len
 
 from indent_sim.model.algebra import Expr, cos, maximum, minimum, sin, sqrt, tan, where_less
-from indent_sim.model.linear_elasticity import LinearElastic
+from indent_sim.model.materials import TipLaw
 from indent_sim.model.units import (
     ANGLE,
     LENGTH,
@@ -42,7 +42,7 @@ Angle = Annotated[float, ANGLE]
 Faces = Annotated[int, Ge(3), Le(64)]
 Point = Annotated[tuple[Annotated[float, Ge(0)], ...], Len(2, 2)]
 Points = Annotated[tuple[Point, ...], Len(2, 1000), LENGTH]
-TipMaterial = Annotated[LinearElastic | None, TaggedBy("model")]
+TipMaterial = Annotated[TipLaw | None, TaggedBy("model")]
 
 
 @dataclass(frozen=True)
@@ -56,12 +56,12 @@ class Lens:
     thickness
         Distance of the holder from the apex [length], at most the radius.
     material
-        Its linear elastic law, defined by E and nu.
+        Its law: linear elastic, or hyperelastic on a hyperelastic body.
     """
 
     radius: float
     thickness: float
-    material: LinearElastic
+    material: TipLaw
 
     @property
     def base_radius(self) -> float:
@@ -85,7 +85,7 @@ class SoftCylinder:
 
     radius: float
     thickness: float
-    material: LinearElastic
+    material: TipLaw
 
 
 class _Tip:
@@ -205,7 +205,7 @@ class _PointedTip(_Tip):
 class _RoundTip(_Tip):
     """Base class of the tips of radius R, which may be soft.
 
-    A soft tip is a lens of the radius R with a linear elastic `material`. Its `thickness` is the
+    A soft tip is a lens of the radius R with an elastic `material`. Its `thickness` is the
     distance from the apex to the rigid holder to which it is bonded, R (half a ball) by default.
     """
 

@@ -23,12 +23,14 @@ ARRAYS: ArrayLayouts = TIP_ARRAYS | {
     "energy_density": ("Cell", "Scalar", ()),
 }
 # Arrays of some bodies only: shear traction (with friction), pore pressure and fluid content (with
-# fluid in the pores), swelling (gels), and stresses at the nodes (if requested).
+# fluid in the pores), swelling (gels), plastic strain (bodies that yield), and stresses at the
+# nodes (if requested).
 OPTIONAL_ARRAYS: ArrayLayouts = {
     "shear": ("Node", "Scalar", ()),
     "pore_pressure": ("Node", "Scalar", ()),
     "fluid_content": ("Cell", "Scalar", ()),
     "swelling": ("Cell", "Scalar", ()),
+    "plastic_strain": ("Cell", "Scalar", ()),
     "nodal_stress": ("Node", "Tensor", (9,)),
     "nodal_von_mises": ("Node", "Scalar", ()),
 }

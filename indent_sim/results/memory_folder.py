@@ -8,7 +8,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from indent_sim.model.state import DERIVED_COLUMNS, STATE_COLUMNS, State
+from indent_sim.model.state import State
 from indent_sim.process.version import VERSION
 from indent_sim.results import tables
 from indent_sim.results.checkpoint import Checkpoint
@@ -30,7 +30,7 @@ class MemoryFolder:
     report
         Entries of run.json. The attribute `report` can be changed until the end of the run.
     columns
-        Columns of the force table in addition to STATE_COLUMNS and DERIVED_COLUMNS.
+        Columns of the force table that not every scene has.
     **file_options
         Options of files, which have no meaning here.
     """
@@ -48,7 +48,7 @@ class MemoryFolder:
         self.states: list[State] = []
         self.previous_run = None
         self._target = target
-        self._columns = tables.order_columns((*STATE_COLUMNS, *DERIVED_COLUMNS, *columns))
+        self._columns = tables.force_columns(columns)
         self._status: Report = {"status": "running", "exit_code": None, "reason": ""}
 
     @classmethod

@@ -36,7 +36,7 @@ def is_finished(report: Report) -> bool:
 
 
 def refuse_overwrite(folder: Path, config_yaml: str, report: Report) -> None:
-    """Refuse to replace the rows of another config file, or a finished run of another scene.
+    """Refuse to overwrite results of another config file, or a finished run of another scene.
 
     Parameters
     ----------

@@ -30,6 +30,7 @@ from indent_sim.model.state import (
     SOFT_TIP_COLUMNS,
     STATE_COLUMNS,
     TIME_COLUMNS,
+    UNLOADING_COLUMNS,
     State,
 )
 from indent_sim.process.errors import BackendError, UsageError
@@ -55,6 +56,7 @@ OPTIONAL_COLUMNS = (
     *FRICTION_COLUMNS,
     *FLUID_COLUMNS,
     *PLASTIC_COLUMNS,
+    *UNLOADING_COLUMNS,
     *SOFT_TIP_COLUMNS,
     *MOMENT_COLUMNS,
     *RESTING_COLUMNS,
@@ -74,6 +76,7 @@ RESULT_COLUMNS = tuple(
         *FRICTION_COLUMNS,
         *FLUID_COLUMNS,
         *PLASTIC_COLUMNS,
+        *UNLOADING_COLUMNS,
         *SOFT_TIP_COLUMNS,
         *MOMENT_COLUMNS,
         *RESTING_COLUMNS,

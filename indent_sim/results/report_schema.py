@@ -52,6 +52,9 @@ def _report_schema() -> TypeAdapter[Report]:
         **answer,
         force_deviation=OptionalNumber,
         delta_deviation=OptionalNumber,
+        error=OptionalNumber,
+        stiffness=OptionalNumber,
+        stiffness_deviation=OptionalNumber,
         **formula_entries,
     )
     choices = GenericAlias(list, _mapping_type(key=str))
@@ -86,6 +89,13 @@ def _report_schema() -> TypeAdapter[Report]:
             ),
         ),
         theory=theory | None,
+        onset_of_yield=_mapping_type(
+            needed=("delta", "force", "a", "passed"),
+            delta=Number,
+            force=Number,
+            a=Number,
+            passed=bool,
+        ),
         hertz=_mapping_type(needed=("E", "percent"), E=Number, percent=Number) | None,
         audit=_mapping_type(force_against_reaction=OptionalNumber, substeps=Count) | None,
         accuracy=_mapping_type(target=Number, elements=Number, tried=list[Number]) | None,
@@ -153,5 +163,8 @@ def _check_theory(theory: Report) -> None:
             or "name" not in formula
         ):
             raise ValueError("a formula of the entry theory lacks its name, value or deviation")
-    if len({len(theory.get("curve", {}).get(name, ())) for name in ("delta", "force", "a")}) > 1:
+    curve = theory.get("curve", {})
+    # Published functions for bodies that yield give no contact radius.
+    names = ("delta", "force", *(name for name in ("a",) if name in curve))
+    if len({len(curve.get(name, ())) for name in names}) > 1:
         raise ValueError("the columns of the curve of the entry theory have different lengths")

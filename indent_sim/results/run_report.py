@@ -37,6 +37,7 @@ CAPTIONS = {
     "fields": "Von Mises stress in the deformed body",
     "pore_pressure": "Pore pressure above the pressure of the bath",
     "film": "Von Mises stress",
+    "plastic_strain": "Plastic zone: equivalent plastic strain",
     "swelling": "Swelling: volume relative to the dry gel",
 }
 
@@ -161,8 +162,9 @@ def _theory_sentences(results: Results) -> list[str]:
             f"History solved by {time.get('method', 'its elastic curve')}: {time.get('why', '')}."
         )
         return [method_sentence, *([f"{words[:1].upper()}{words[1:]}."] if words else [])]
+    onset_sentences = _onset_sentences(results)
     if not theory:
-        return ["There is no reference theory for this scene."]
+        return [*onset_sentences, "There is no reference theory for this scene."]
     computed = "delta" if "delta_deviation" in theory else "force"
     unit = _unit_text(results, {"delta": "length", "force": "force"}[computed])
     lines = []
@@ -174,6 +176,11 @@ def _theory_sentences(results: Results) -> list[str]:
         lines.append(
             f"{theory['name']}: {computed} {theory[computed]:.5g} {unit}; {deviation_text}."
         )
+    if "stiffness_deviation" in theory:
+        lines.append(
+            f"{theory['name']}: unloading stiffness {theory['stiffness']:.5g}; this run "
+            f"{theory['stiffness_deviation']:+.2%}."
+        )
     for formula in filter(None, [theory.get("half_space"), *theory.get("formulas", [])]):
         deviation_text = (
             f"{abs(formula['deviation']):.1%} "
@@ -182,7 +189,18 @@ def _theory_sentences(results: Results) -> list[str]:
         lines.append(
             f"{formula['name']}: {computed} {formula[computed]:.5g} {unit}, {deviation_text}."
         )
-    return lines
+    return onset_sentences + lines
+
+
+def _onset_sentences(results: Results) -> list[str]:
+    """Return a sentence on the depth from which a body yields; empty if it is not known."""
+    onset = _report_section(results.report, "onset_of_yield")
+    if not onset or onset["delta"] == 0:
+        return []
+    depth = f"{onset['delta']:.4g} {_unit_text(results, 'length')}".rstrip()
+    force = f"{onset['force']:.4g} {_unit_text(results, 'force')}".rstrip()
+    outcome = "this run has yielded" if onset["passed"] else "this run is elastic"
+    return [f"Onset of yield (Hertz and von Mises): depth {depth}, force {force}; {outcome}."]
 
 
 def _no_slip_sentences(report: Report) -> list[str]:
@@ -297,6 +315,10 @@ def _run_pictures(results: Results) -> list[Picture]:
     for panel_kind in panel_kinds:
         drawing = partial(panels.draw, [results], PlotRequest((panel_kind,), width=110.0))
         pictures.append(Picture(figures.svg_element(drawing), CAPTIONS[panel_kind]))
+    if steps and "plastic_strain" in read_fields(results.path, steps[-1]):
+        request = PlotRequest(("fields",), ("plastic_strain",), width=110.0)
+        drawing = partial(panels.draw, [results], request)
+        pictures.append(Picture(figures.svg_element(drawing), CAPTIONS["plastic_strain"]))
     if in_time and len(steps) == len(results):
         pictures += [_film_picture(results, name) for name in _film_fields(results, steps[-1])]
     if experiment.has_elastic_curve(results.path, results.report):

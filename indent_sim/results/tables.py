@@ -29,6 +29,8 @@ from indent_sim.model.state import (
     REACTION_COLUMNS,
     REACTION_PREFIX,
     SLIDE_COLUMNS,
+    STATE_COLUMNS,
+    UNLOADING_COLUMNS,
     State,
     Surface,
 )
@@ -43,7 +45,7 @@ INTEGER_COLUMNS = ("step", "newton_iterations", *KRYLOV_COLUMNS)
 # Columns that may be empty in histories, because a solution on the elastic curve of a body need not
 # give them.
 UNKNOWN_IN_TIME = ("delta", "z", "a", "penetration", "energy", "calibration_error")
-MAY_BE_EMPTY = {"p_max", *DERIVED_COLUMNS, *PLASTIC_COLUMNS, *ERROR_COLUMNS}
+MAY_BE_EMPTY = {"p_max", *DERIVED_COLUMNS, *PLASTIC_COLUMNS, *UNLOADING_COLUMNS, *ERROR_COLUMNS}
 # Columns of the surface table that may be empty: theory gives no u_x, the pressure below a sharp
 # apex or edge is infinite, and beyond the end of a tip there is no gap.
 SURFACE_MAY_BE_EMPTY = ("u_x", "pressure", "gap")
@@ -75,6 +77,21 @@ def _column_writers(
         _integer_text if name in INTEGER_COLUMNS else _cell_text for name in value_columns
     )
     return attrgetter(*value_columns), writers, columns[len(value_columns) :]
+
+
+def force_columns(scene_columns: Sequence[str]) -> tuple[str, ...]:
+    """Return all columns of the force table in order.
+
+    The table of a body that yields has a contact area and an unloading stiffness in place of
+    DERIVED_COLUMNS.
+
+    Parameters
+    ----------
+    scene_columns
+        Columns that not every scene has.
+    """
+    derived = () if "contact_area" in scene_columns else DERIVED_COLUMNS
+    return order_columns((*STATE_COLUMNS, *derived, *scene_columns))
 
 
 def order_columns(columns: Sequence[str]) -> tuple[str, ...]:

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from indent_sim.model.state import DERIVED_COLUMNS, STATE_COLUMNS, State, Surface
+from indent_sim.model.state import State, Surface
 from indent_sim.process.errors import NotConverged
 from indent_sim.process.limits import DISK_FULL_ERRORS
 from indent_sim.process.signals import defer_signals
@@ -58,7 +58,7 @@ class ResultFolder:
     surface
         The states whose surface is kept in surface.csv.
     columns
-        Columns of the force table in addition to STATE_COLUMNS and DERIVED_COLUMNS.
+        Columns of the force table that not every scene has.
     report
         Entries of run.json. The attribute `report` can be changed until the end of the run.
     resume
@@ -88,7 +88,7 @@ class ResultFolder:
         self._config_yaml = config_yaml
         self._mesh = mesh
         self._surface = surface
-        self._columns = tables.order_columns((*STATE_COLUMNS, *DERIVED_COLUMNS, *columns))
+        self._columns = tables.force_columns(columns)
         self.previous_run: PreviousRun | None = None
         self._resume = resume
         self._guard = guard and not resume

@@ -51,7 +51,10 @@ class DerivedQuantities:
         self._punches: Punches | None = None
 
     def complete_state(self, state: State) -> State:
-        """Return the state with its stiffness, area and E_hertz; undefined quantities are NaN."""
+        """Return the state with its stiffness, area and E_hertz; undefined quantities are NaN.
+
+        For a body that yields these are the unloading stiffness, the contact area and the hardness.
+        """
         if not state.converged:
             return state
         krylov_before = self._krylov_iterations
@@ -59,10 +62,14 @@ class DerivedQuantities:
         area = self._optional_output(
             "area", lambda: self.scene.physics.domain.kinematics.contact_area(state.a), nan
         )
-        E_hertz = self._optional_output("E_hertz", lambda: self._hertz_modulus(state), nan)
-        values = {"stiffness": stiffness, "area": area, "E_hertz": E_hertz}
-        if "hardness" in self.scene.physics.columns:
-            values["hardness"] = _hardness(state, self.scene)
+        if self.scene.physics.yields:
+            values = {"unloading_stiffness": stiffness, "contact_area": area}
+            values["hardness"] = state.force / area if area > 0 else nan
+        else:
+            E_hertz = self._optional_output("E_hertz", lambda: self._hertz_modulus(state), nan)
+            values = {"stiffness": stiffness, "area": area, "E_hertz": E_hertz}
+        if self.scene.physics.path.unloading:
+            values["residual_depth"] = self._residual_depth(state)
         if state.krylov_iterations is not None:
             values["krylov_iterations"] = (
                 state.krylov_iterations + self._krylov_iterations - krylov_before
@@ -77,16 +84,25 @@ class DerivedQuantities:
     def _hertz_modulus(self, state: State) -> float:
         """Return the modulus with which the half-space formula gives the force of the state.
 
-        NaN for a body that yields, to which the formula does not apply, and without a force.
+        NaN without a force.
         """
         physics = self.scene.physics
-        if physics.yields:
-            return nan
         # The force of the state is round-off if a force of zero is prescribed.
         if physics.path.control == "force" and physics.path.values[state.step - 1] == 0:
             return nan
         (force,) = hertz_forces(self.scene, [state.delta]) if state.force > 0 else [None]
         return physics.material.constants.E * state.force / force if force else nan
+
+    def _residual_depth(self, state: State) -> float:
+        """Return the depth of the last row of unloading if its force is zero [length], else NaN."""
+        physics = self.scene.physics
+        assert physics.path.unloading
+        # Round-off of the force, relative to that of a contact with a strain of about 1.
+        force_roundoff = 1e-12
+        a = self.scene.plan.prediction["a"] / physics.scales.length
+        largest_force = physics.contact_modulus * a ** (physics.scales.dim - 1)
+        has_let_go = state.force <= force_roundoff * largest_force
+        return state.delta if has_let_go and state.step == physics.path.unloading.last else nan
 
     def _stiffness(self, state: State) -> float:
         """Return dF/ddelta at the state; NaN if it depends on the direction or rate of loading."""
@@ -112,12 +128,6 @@ class DerivedQuantities:
                     contact_radius(self._punches, state.delta, state.a)
                 ).stiffness
         return float(self._equilibrium.stiffness)
-
-
-def _hardness(state: State, scene: Scene) -> float:
-    """Return force over contact area [pressure]; NaN without contact."""
-    area = scene.physics.domain.kinematics.contact_area(state.a)
-    return state.force / area if area > 0 else nan
 
 
 def punches_of(scene: Scene, equilibrium: Equilibrium = None) -> Punches:

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from indent_sim.config.key_types import join_words
 from indent_sim.config.quantities import convert_quantity, si_factor
 from indent_sim.config.schema import Config
 from indent_sim.model.gel import Gel
@@ -22,6 +23,7 @@ from indent_sim.results.measured.indentation_cycle import (
     MAX_LAST_FORCE,
     IndentationCycle,
     indentation_cycle,
+    low_force_hold,
 )
 from indent_sim.results.measured.measurement import MeasuredCurve
 from indent_sim.results.reader import Results, read
@@ -54,6 +56,8 @@ QUANTITIES = {
 # from hold to unloading is over, down to 40 %, above which the contact changes so little that the
 # curve is a power law. This is the usual choice for tests by ISO 14577-1; 20 % is also common.
 DEFAULT_TOP = (0.98, 0.40)
+# The same for a run with few rows of unloading.
+RUN_TOP = (1.0, 0.05)
 # Poisson's ratio of a sample of unknown material; the modulus is 5.5 % larger for 0.2 and 7.7 %
 # smaller for 0.4.
 ASSUMED_NU = 0.3
@@ -89,7 +93,7 @@ class HardnessOptions:
     frame_compliance
         Compliance of the instrument's frame.
     drift
-        Rate of the depth due to thermal drift.
+        Rate of the depth due to thermal drift; "hold" for that of the hold at low force.
     columns, units
         Columns of a text file, and units if it has none.
     """
@@ -132,6 +136,8 @@ class Hardness:
     truth
         For a simulated curve, by quantity: the value that the run knows, and the ratio of the
         formula's value to it.
+    formula_error
+        For a simulated curve, by how much the formulas are wrong for this material; otherwise "".
     """
 
     curve: str
@@ -141,6 +147,7 @@ class Hardness:
     assumptions: dict[str, str]
     warnings: tuple[str, ...]
     truth: dict[str, dict[str, float]] = field(default_factory=dict)
+    formula_error: str = ""
 
     def as_json(self) -> dict[str, Any]:
         """Return all parts under their names."""
@@ -177,7 +184,7 @@ class _TestCurve:
     @property
     def has_units(self) -> bool:
         """Whether the units of length and force are known."""
-        return bool(self.units["length"] and self.units["force"])
+        return _has_units(self.units)
 
     def unit_of_scene(self, kind: str) -> float:
         """Return the scene's unit of a kind over that of the curve; 1 if one is unknown."""
@@ -257,11 +264,12 @@ def analyse(path: Path, options: HardnessOptions) -> Hardness:
     """
     _check_factors(options)
     curve = _read(path, options)
-    pressure = _pressure_unit(curve)
+    pressure = _pressure_unit(curve.units)
     depth, corrections = _corrected_depth(curve, options)
     _check_range(depth, curve.F)
     cycle = indentation_cycle(depth, curve.F, curve.results is None)
-    fit = _fit(cycle, options.top)
+    top = _fitted_part(curve, cycle, options.top)
+    fit = _fit(cycle, top)
     epsilon, epsilon_words = _epsilon(options.epsilon, fit.exponent)
     area = _area_function(curve, options)
     nu, nu_words = _poisson_ratio(curve, options)
@@ -280,7 +288,7 @@ def analyse(path: Path, options: HardnessOptions) -> Hardness:
         *_pile_up_warnings(fit),
         *_tip_rounding_warnings(curve, area, values["h_c"] or nan),
     ]
-    high, low = options.top
+    high, low = top
     assumptions = {
         "area": area.words,
         "nu": nu_words,
@@ -291,7 +299,16 @@ def analyse(path: Path, options: HardnessOptions) -> Hardness:
     } | corrections
     truth = {} if curve.results is None else _truth(curve, values, pressure)
     units = _unit_names(curve.units, pressure.name)
-    return Hardness(curve.name, values, errors, units, assumptions, tuple(warnings), truth)
+    return Hardness(
+        curve.name,
+        values,
+        errors,
+        units,
+        assumptions,
+        tuple(warnings),
+        truth,
+        _formula_error(truth),
+    )
 
 
 def _check_factors(options: HardnessOptions) -> None:
@@ -395,22 +412,34 @@ def _corrected_depth(
         unit = _ratio_text(curve.units["length"], curve.units["force"])
         words["frame compliance"] = f"{compliance:.4g} {unit}".rstrip()
     if options.drift is not None:
-        rate = _number("--drift", options.drift, "length/time", curve)
+        unit = _ratio_text(curve.units["length"], "s")
         if curve.t is None:
             raise UsageError(
                 "--drift needs the times of the samples, which the curve does not have",
                 "name the columns with --columns DEPTH,FORCE,TIME",
             )
+        if options.drift == "hold":
+            hold = low_force_hold(curve.t, h, curve.F)
+            rate = hold.rate
+            words["drift"] = (
+                f"{rate:.4g} ± {hold.error:.1g} {unit}".rstrip()
+                + f", of the hold of {hold.duration:.4g} s at {hold.force_fraction:.0%} of the "
+                "largest force"
+            )
+        else:
+            rate = _number("--drift", options.drift, "length/time", curve.units)
+            words["drift"] = f"{rate:.4g} {unit}".rstrip()
         first_contact = int(np.argmax(curve.h >= 0))
         h = h - rate * (curve.t - curve.t[first_contact])
-        words["drift"] = f"{rate:.4g} {_ratio_text(curve.units['length'], 's')}".rstrip()
     return h, words
 
 
 def _frame_compliance(curve: _TestCurve, options: HardnessOptions) -> float:
     """Return the compliance of the frame by the option or the scene [length/force]."""
     if options.frame_compliance is not None:
-        compliance = _number("--frame-compliance", options.frame_compliance, "length/force", curve)
+        compliance = _number(
+            "--frame-compliance", options.frame_compliance, "length/force", curve.units
+        )
         if compliance < 0:
             raise ConfigError("--frame-compliance", f"must not be negative, got {compliance:g}")
         return compliance
@@ -422,12 +451,23 @@ def _frame_compliance(curve: _TestCurve, options: HardnessOptions) -> float:
     return frame.compliance * unit if frame else 0.0
 
 
-def _number(key: str, text: str, dimension: str, curve: _TestCurve) -> float:
+def _number(key: str, text: str, dimension: str, units: Mapping[str, str]) -> float:
     """Return an option as a number in the units of the curve."""
-    value = convert_quantity(key, text, dimension, curve.units if curve.has_units else {})
+    value = convert_quantity(key, text, dimension, units if _has_units(units) else {})
     if not isfinite(value):
         raise ConfigError(key, f"'{text}' is not a finite number")
     return value
+
+
+def _fitted_part(
+    curve: _TestCurve, cycle: IndentationCycle, top: tuple[float, float]
+) -> tuple[float, float]:
+    """Return the fitted part of unloading: that of the options, or more of a run with few rows.
+
+    The rows of a run have no noise and no transition from a hold to unloading.
+    """
+    has_few_rows = len(cycle.h[cycle.upper_part(top[1], top[0])]) < oliver_pharr.MIN_SAMPLES
+    return RUN_TOP if curve.results and top == DEFAULT_TOP and has_few_rows else top
 
 
 def _fit(cycle: IndentationCycle, top: tuple[float, float]) -> UnloadingFit:
@@ -531,29 +571,70 @@ def _tip_modulus(
         unit = curve.unit_of_scene("force") / curve.unit_of_scene("length") ** 2
         return lens.material.E_star * unit, "the soft tip of the scene"
     tip = options.tip or ("diamond" if curve.results is None else "rigid")
+    return _modulus_of_tip(tip, curve.units, pressure)
+
+
+def _modulus_of_tip(
+    tip: str, units: Mapping[str, str], pressure: _PressureUnit
+) -> tuple[float | None, str]:
+    """Return E_i* of a tip by its name or constants, and words; None without units."""
     if tip == "rigid":
         return inf, "rigid"
     if tip == "diamond":
         E = oliver_pharr.DIAMOND_E
         nu = oliver_pharr.DIAMOND_NU
-        if not curve.has_units:
+        if not _has_units(units):
             return None, (
                 "E_IT is not known: the modulus of the diamond tip is 1141 GPa, and the curve has "
                 f"no units; {UNITS_REMEDY}, or --tip rigid"
             )
-        SI_pressure = si_factor(curve.units["force"], "force")
-        SI_pressure /= si_factor(curve.units["length"], "length") ** 2
+        SI_pressure = si_factor(units["force"], "force")
+        SI_pressure /= si_factor(units["length"], "length") ** 2
         return E / SI_pressure / (1 - nu**2), f"diamond, E = {E / 1e9:g} GPa, nu = {nu:g}"
-    modulus_text, comma, nu_text = tip.rpartition(",")
+    E, nu = _elastic_constants("--tip", tip, units, "diamond, rigid, or ")
+    return E / (1 - nu**2), f"E = {E / pressure.size:.4g} {pressure.name}, nu = {nu:g}"
+
+
+def _elastic_constants(
+    option: str, text: str, units: Mapping[str, str], other_words: str = ""
+) -> tuple[float, float]:
+    """Return Young's modulus in units of the curve and Poisson's ratio of a text "E,NU"."""
+    modulus_text, comma, nu_text = text.rpartition(",")
     if not comma:
         raise ConfigError(
-            "--tip", f"'{tip}' is not a tip", "give diamond, rigid, or E,NU such as '400 GPa,0.25'"
+            option,
+            f"'{text}' is not a {option.removeprefix('--')}",
+            f"give {other_words}E,NU such as '400 GPa,0.25'",
         )
-    E = _number("--tip", modulus_text, "pressure", curve)
-    nu = convert_quantity("--tip", nu_text, "1", {})
+    E = _number(option, modulus_text, "pressure", units)
+    nu = convert_quantity(option, nu_text, "1", {})
     if not (E > 0 and -1 < nu <= 0.5):
-        raise ConfigError("--tip", f"needs E > 0 and -1 < nu <= 0.5, got '{tip}'")
-    return E / (1 - nu**2), f"E = {E / pressure.size:.4g} {pressure.name}, nu = {nu:g}"
+        raise ConfigError(option, f"needs E > 0 and -1 < nu <= 0.5, got '{text}'")
+    return E, nu
+
+
+def reference_modulus(sample: str, tip: str, units: Mapping[str, str]) -> tuple[float, str, str]:
+    """Return the reduced modulus of a sample of known modulus and a tip, and words for both.
+
+    Parameters
+    ----------
+    sample
+        Young's modulus and Poisson's ratio of the sample, "E,NU".
+    tip
+        "diamond", "rigid" or "E,NU".
+    units
+        Units of length and force of the curve, in which the modulus is.
+    """
+    pressure = _pressure_unit(units)
+    E, nu = _elastic_constants("--sample", sample, units)
+    tip_E_star, tip_words = _modulus_of_tip(tip, units, pressure)
+    if tip_E_star is None:
+        raise UsageError(
+            "the modulus of the diamond tip is in GPa, and the curve has no units",
+            f"{UNITS_REMEDY}, or the tip in the units of the curve with --tip",
+        )
+    E_r = 1 / ((1 - nu**2) / E + 1 / tip_E_star)
+    return E_r, f"E = {E / pressure.size:.4g} {pressure.name}, nu = {nu:g}", tip_words
 
 
 def _modulus(E_r: float, nu: float, tip_E_star: float, pressure: _PressureUnit) -> float:
@@ -756,11 +837,11 @@ def _truth(
     assert curve.results is not None
     table = curve.results.table
     row = int(np.argmax(table["force"]))
-    known = {"A_p": float(table["area"][row]) if "area" in table else nan}
+    known = {"A_p": _entry(table, row, "contact_area", "area")}
     known["H_IT"] = (
         float(table["force"][row]) / known["A_p"] / pressure.size if known["A_p"] > 0 else nan
     )
-    known["S"] = float(table["stiffness"][row]) if "stiffness" in table else nan
+    known["S"] = _entry(table, row, "unloading_stiffness", "stiffness")
     material = _material_below_tip(curve.scene)
     # A material that drains, relaxes or swells has no single modulus.
     if (
@@ -781,11 +862,32 @@ def _truth(
     }
 
 
-def _pressure_unit(curve: _TestCurve) -> _PressureUnit:
-    """Return the unit of pressures: that of the curve if it has a name, otherwise GPa."""
-    if not curve.has_units:
+def _formula_error(truth: Mapping[str, Mapping[str, float]]) -> str:
+    """Return the errors of the formulas for area, hardness and modulus as a sentence, or ""."""
+    quantities = {"A_p": "the contact area", "H_IT": "the hardness", "E_IT": "the modulus"}
+    errors = [
+        f"{words} {abs(percent):.1f} % too {'large' if percent > 0 else 'small'}"
+        for name, words in quantities.items()
+        if name in truth and abs(percent := 100 * (truth[name]["ratio"] - 1)) >= 0.05
+    ]
+    return f"for this material the formulas give {join_words(errors, 'and')}" if errors else ""
+
+
+def _entry(table: Mapping[str, np.ndarray], row: int, *columns: str) -> float:
+    """Return the entry of a row in the first of these columns that the table has; NaN if none."""
+    return next((float(table[name][row]) for name in columns if name in table), nan)
+
+
+def _has_units(units: Mapping[str, str]) -> bool:
+    """Return whether the units of length and force are known."""
+    return bool(units["length"] and units["force"])
+
+
+def _pressure_unit(units: Mapping[str, str]) -> _PressureUnit:
+    """Return the unit of pressures: that of force over length^2 if it has a name, else GPa."""
+    if not _has_units(units):
         return _PressureUnit("", 1.0)
-    SI = si_factor(curve.units["force"], "force") / si_factor(curve.units["length"], "length") ** 2
+    SI = si_factor(units["force"], "force") / si_factor(units["length"], "length") ** 2
     named = {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6, "GPa": 1e9}
     name = next((name for name, size in named.items() if abs(SI / size - 1) < 1e-9), "GPa")
     return _PressureUnit(name, named[name] / SI)

@@ -386,6 +386,8 @@ class SimulationDriver:
         physics = scene.physics
         steps = len(earlier.states if scene.history_on_curve else scene.physics.deltas)
         depths = [delta * physics.scales.depth for delta in physics.deltas]
+        if physics.searches_unloading_depths and physics.path.unloading:
+            depths = depths[: physics.path.unloading.start]
         has_known_depths = physics.path.control == "depth" and scene.history_on_curve is None
         earlier.check(depths if has_known_depths else None, steps, target)
         if earlier.report.get("status") != "done" or len(earlier.states) != steps:
@@ -553,8 +555,7 @@ def states(
     comm = communicator(comm if comm is not None else SerialComm(), scene)
     optional_output = OptionalOutput(comm)
     fe = backend() if scene.is_meshed else None
-    domain = scene.physics.domain
-    mesh = fe and fe.distribute(run_on_root(comm, mesher, scene), domain, comm)
+    mesh = fe and fe.distribute_scene(scene, run_on_root(comm, mesher, scene), comm)
     solver: Any = fe.create_load_stepper(scene, mesh) if fe else SemiAnalyticSolver(scene, comm)
     derived = DerivedQuantities(scene, solver.equilibrium if fe else None, optional_output)
     if scene.history_on_curve:
@@ -662,7 +663,7 @@ def condense(scene: Scene, comm: Comm = None) -> CondensedBody:
     comm = comm if comm is not None else mpi().COMM_SELF
     while _released_meshes:
         fe.release(_released_meshes.pop())
-    mesh = fe.distribute(run_on_root(comm, scene.grid), scene.physics.domain, comm)
+    mesh = fe.distribute_scene(scene, run_on_root(comm, scene.grid), comm)
     body = CondensedBody(scene, fe.create_equilibrium(scene, mesh))
     # Garbage collectors of several ranks do not drop the body at the same time.
     if comm.size == 1:

@@ -14,7 +14,8 @@ are compared only during loading.
 
 A body that yields stores only a part of the work and keeps an imprint, in which the tip may hang
 free at a smaller depth. In place of the bounds on the energy, and of those by elastic theory, the
-balance of work, stored and dissipated energy is then checked during loading.
+balance of work, stored and dissipated energy is then checked during loading, the dissipated energy
+does not fall, the force falls only if the depth does, and it is at most that of an elastic body.
 
 Each rule is a function of the scene, a converged state and the previous rows (in the user's units).
 It returns a sentence, or None if the state satisfies it. The bounds are wide enough for coarse
@@ -100,7 +101,7 @@ def _applicable_rules(
     excluded = {
         *(REPULSIVE_RULES if may_snap_through else ()),
         *(ELASTIC_RULES if is_time_dependent else ()),
-        *(RULES_BROKEN_BY_YIELD if yields else ()),
+        *(RULES_BROKEN_BY_YIELD if yields else YIELD_RULES),
     }
     return tuple(
         rule
@@ -324,7 +325,7 @@ def _check_side_force(scene: Scene, state: State, earlier: PreviousRows) -> str 
 
 
 def _check_against_theory(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
-    """Check that F/F_theory is in its admissible range, and exact theory within the error bar."""
+    """Check that F/F_theory is in its admissible range, for exact theory that of the error bar."""
     theory = scene.plan.theory
     scales = scene.physics.scales
     solution = scene.theory_solution(state.delta / scales.depth)
@@ -353,18 +354,100 @@ def _check_plastic_work(scene: Scene, state: State, earlier: PreviousRows) -> st
     The work is the integral of the force over the rows by trapezoids, whose error is estimated.
     """
     is_loading = state.delta > max(earlier.max_depth, 0.0) and not earlier.has_turned
+    deepest = scene.physics.max_depth * scene.physics.scales.depth
+    is_deepest = state.delta >= deepest * (1 - DEPTH_TOLERANCE)
     if state.plastic_dissipation is None or scene.physics.has_friction or not is_loading:
         return None
     work, error = earlier.work_to(state)
     total = state.energy + state.plastic_dissipation
-    # Tolerance relative to F delta, as in `_check_energy`.
+    # Tolerance relative to F delta, as in `_check_energy`, and in the deepest row to the work.
     tolerance = 0.02
-    if abs(work - total) <= tolerance * state.force * state.delta + error:
+    reference = work if is_deepest else state.force * state.delta
+    if abs(work - total) <= tolerance * reference + error:
         return None
     return (
         f"the work of the tip is {work:.6g}, but the stored energy is {state.energy:.6g} and the "
         f"energy dissipated by plastic flow {state.plastic_dissipation:.6g}"
     )
+
+
+def _check_soft_tip(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
+    """Check the parts of depth and energy of a soft tip on the mesh of the body.
+
+    Both bodies are elastic and share depth and energy, and during loading the energy is the work.
+    The work is the integral of the force over the rows by trapezoids, whose error is estimated.
+    """
+    if state.tip_sink is None or state.tip_energy is None or not scene.has_two_body_mesh:
+        return None
+    # Tolerance relative to F delta, as in `_check_energy`.
+    tolerance = 0.02
+    if not -tolerance * state.delta <= state.tip_sink <= (1 + tolerance) * state.delta:
+        return f"the soft tip is pressed in by {state.tip_sink:.6g}, which is no part of the depth"
+    if not -tolerance * state.energy <= state.tip_energy <= (1 + tolerance) * state.energy:
+        return (
+            f"the energy {state.tip_energy:.6g} of the soft tip is no part of that of both bodies, "
+            f"{state.energy:.6g}"
+        )
+    if state.delta <= max(earlier.max_depth, 0.0) or earlier.has_turned:
+        return None
+    work, error = earlier.work_to(state)
+    if abs(work - state.energy) <= tolerance * state.force * state.delta + error:
+        return None
+    return f"the work of the tip is {work:.6g}, but the energy of both bodies is {state.energy:.6g}"
+
+
+def _check_dissipation_growth(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
+    """Check that the energy dissipated by plastic flow does not fall."""
+    last = earlier.last
+    if last is None or state.plastic_dissipation is None or last.plastic_dissipation is None:
+        return None
+    noise = FORCE_NOISE * max(last.plastic_dissipation, abs(state.energy))
+    if state.plastic_dissipation >= last.plastic_dissipation - noise:
+        return None
+    return (
+        f"the energy dissipated by plastic flow is {state.plastic_dissipation:.6g}, less than "
+        f"{last.plastic_dissipation:.6g} in the previous row"
+    )
+
+
+def _check_force_follows_depth(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
+    """Check that the force of a body that yields falls only if the depth does, and vice versa."""
+    last = earlier.last
+    if not scene.physics.yields or last is None or earlier.slide_increment(state) > 0:
+        return None
+    is_deeper = state.delta > last.delta
+    if scene.physics.has_friction or state.delta == last.delta:
+        return None
+    # The force is not smooth on a mesh, as in `_check_force_growth`.
+    tolerance = 0.02
+    bars = force_interval(state)[2] + force_interval(last)[2]
+    wrong_change = (last.force - state.force) if is_deeper else (state.force - last.force)
+    allowed = tolerance * abs(last.force) + bars + _force_noise(scene, state, earlier)
+    if wrong_change <= allowed:
+        return None
+    verb = "fell while the tip went deeper" if is_deeper else "grew while the tip went out"
+    return f"the force {verb}: {last.force:.6g} at {last.delta:.6g}, {state.force:.6g} here"
+
+
+def _check_elastic_bound(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
+    """Check that a body that yields has at most the force of an elastic one at the same depth.
+
+    Elastic theory is for small strain; a law of finite strain may exceed it by a factor.
+    """
+    theory = scene.plan.theory
+    scales = scene.physics.scales
+    solution = scene.theory_solution(state.delta / scales.depth)
+    if theory is None or solution is None or solution.force <= 0:
+        return None
+    if not _is_half_space_like(scene, solution):
+        return None
+    # Friction and the finite strain of the steepest tips increase the elastic force by less.
+    finite_strain_factor = 2.0
+    mesh_factor = 1 + expected_force_error(scene.sizes, solution.a, scene.physics.largest_nu)
+    elastic = solution.force / scene.physics.mirror_multiplicity * scales.force
+    if state.force <= finite_strain_factor * mesh_factor * elastic:
+        return None
+    return f"the force is {state.force:.6g}, but that of an elastic body is {elastic:.6g}"
 
 
 GENERAL_RULES: Rules = (
@@ -384,6 +467,10 @@ CONTACT_RULES: Rules = (
     _check_energy,
     _check_side_force,
     _check_plastic_work,
+    _check_soft_tip,
+    _check_dissipation_growth,
+    _check_force_follows_depth,
+    _check_elastic_bound,
     _check_against_theory,
 )
 REPULSIVE_RULES: Rules = (
@@ -400,8 +487,16 @@ ELASTIC_RULES: Rules = (
     _check_contact_found,
     _check_energy,
     _check_against_theory,
+    _check_force_follows_depth,
 )
 
+# Rules that hold only for a body that yields.
+YIELD_RULES: Rules = (
+    _check_plastic_work,
+    _check_dissipation_growth,
+    _check_force_follows_depth,
+    _check_elastic_bound,
+)
 # Rules that do not hold for a body that yields.
 RULES_BROKEN_BY_YIELD: Rules = (
     _check_energy,
@@ -474,6 +569,19 @@ def _force_ratio_range(scene: Scene, theory: Solution) -> tuple[float, float]:
         same_problem_factor = 1.5
         highest = same_problem_factor * mesh_factor
         return force_fraction / highest, highest
+    if not _is_half_space_like(scene, theory):
+        return 0.0, float("inf")
+    # No elastic law stiffens by a factor up to this depth, relative to the contact radius.
+    max_linear_depth = 0.1
+    may_stiffen = not scene.physics.small_strain and theory.delta > max_linear_depth * theory.a
+    # Largest ratio of the force and that of a half-space at small strain.
+    half_space_factor = 10.0
+    lowest = force_fraction / (half_space_factor * mesh_factor)
+    return lowest, float("inf") if may_stiffen else half_space_factor * mesh_factor
+
+
+def _is_half_space_like(scene: Scene, theory: Solution) -> bool:
+    """True if the body responds to the contact of theory about as the body of theory does."""
     height = scene.physics.body.height
     lateral_extent = scene.physics.body.lateral_extent(scene.physics.center)
     # A contact up to this fraction of the height and of the lateral extent is close to a
@@ -487,12 +595,5 @@ def _force_ratio_range(scene: Scene, theory: Solution) -> tuple[float, float]:
         and height <= pillar_height * lateral_extent
     )
     # Coatings bend as shells, which no half-space does.
-    if scene.physics.body.inclusions or scene.physics.domain.coatings or not is_half_space_like:
-        return 0.0, float("inf")
-    # No elastic law stiffens by a factor up to this depth, relative to the contact radius.
-    max_linear_depth = 0.1
-    may_stiffen = not scene.physics.small_strain and theory.delta > max_linear_depth * theory.a
-    # Largest ratio of the force and that of a half-space at small strain.
-    half_space_factor = 10.0
-    lowest = force_fraction / (half_space_factor * mesh_factor)
-    return lowest, float("inf") if may_stiffen else half_space_factor * mesh_factor
+    has_other_parts = scene.physics.body.inclusions or scene.physics.domain.coatings
+    return is_half_space_like and not has_other_parts

@@ -13,6 +13,7 @@ import numpy as np
 
 from indent_sim.config.schema import Config
 from indent_sim.fe.dolfinx_loading import load_dolfinx
+from indent_sim.model.load_path import LoadPath
 from indent_sim.model.state import PullOff, State
 from indent_sim.process.errors import (
     BackendError,
@@ -124,14 +125,13 @@ class SingleRun:
         run_output = self.run_output
         scene = self.scene
         clock = self.clock
-        domain = scene.physics.domain
         # Gmsh meshes in its own process while the libraries load.
         mesh_task: Any = run_on_root(run_output.comm, scene.start_meshing)
         with clock.stage("imports"):
             fe = backend()
         with clock.stage("mesh"):
             grid = run_on_root(run_output.comm, mesh_task)
-            self._mesh = mesh = fe.distribute(grid, domain, run_output.comm)
+            self._mesh = mesh = fe.distribute_scene(scene, grid, run_output.comm)
         with clock.stage("assemble"):
             self._solver = fe.create_load_stepper(scene, mesh, clock.started - earlier_seconds)
             self._use_history_solver(earlier_seconds)
@@ -230,7 +230,7 @@ class SingleRun:
                 self._solver.resume(saved.equilibria, [], saved.step, saved.pull_off_points)
             self._first_step = saved.step
             return
-        path = physics.path
+        path = self._path
         points_passed = [
             (*point, slide)
             for step in range(saved.step + 1, row_count + 1)
@@ -251,6 +251,16 @@ class SingleRun:
                     f"cannot resume: the equilibrium of the last finished row, {depth}, could not "
                     f"be recomputed: {self._solver.failure}"
                 )
+
+    @property
+    def _path(self) -> LoadPath:
+        """The path, with the depths of finished rows if those of unloading are searched for."""
+        physics = self.scene.physics
+        if not physics.searches_unloading_depths:
+            return physics.path
+        return physics.path.with_first_values(
+            [state.delta / physics.scales.depth for state in self.states]
+        )
 
     def _save_checkpoint(self) -> None:
         """Save the last equilibria.
@@ -291,7 +301,7 @@ class SingleRun:
             if progress is not None and self.states:
                 progress(self.states[-1], row_count, self._row_count)
             solved_states = self._solver.states(
-                self.scene.physics.path, self._wants_surface, min(self._first_step, row_count)
+                self._path, self._wants_surface, min(self._first_step, row_count)
             )
             while state := self._next_state(solved_states):
                 if not state.converged:
@@ -557,7 +567,7 @@ class SingleRun:
         scales = self.scene.physics.scales
         units = {
             "displacement": scales.length,
-            **dict.fromkeys(("J", "fluid_content", "swelling"), 1.0),
+            **dict.fromkeys(("J", "fluid_content", "swelling", "plastic_strain"), 1.0),
         }
         self._solver.restore_row()
         if (

@@ -15,6 +15,7 @@ from indent_sim.run.measured_constants import MAX_ROUGHNESS
 from indent_sim.run.run_output import OptionalOutput
 from indent_sim.run.theory_comparison import theory_comparison
 from indent_sim.run.work_and_loops import energy_balance
+from indent_sim.run.yield_comparison import onset_entry
 from indent_sim.scene.predictions import ExpectedAdhesion
 from indent_sim.scene.scene import Scene
 
@@ -66,6 +67,8 @@ def summary(
             "theory", lambda: theory_comparison(scene, states, optional_output), None
         )
     }
+    if onset := optional_output("onset of yield", lambda: onset_entry(scene, states), None):
+        entries["onset_of_yield"] = onset
     if expected:
         entries["adhesion"] = optional_output(
             "adhesion", lambda: adhesion_entry(expected, states, pull_off), {}

@@ -12,9 +12,10 @@ from indent_sim.model.state import State
 from indent_sim.model.tips import Sphere
 from indent_sim.run.derived_quantities import hertz_forces
 from indent_sim.run.run_output import OptionalOutput
+from indent_sim.run.yield_comparison import has_yielded, published_comparison
 from indent_sim.scene.half_space_formulas import half_space_depth, half_space_force
 from indent_sim.scene.reference_theory import relative_tip
-from indent_sim.scene.scene import FRICTION_WHY, Scene
+from indent_sim.scene.scene import FRICTION_WHY, YIELD_WHY, Scene
 from indent_sim.theory.no_slip import FRICTIONLESS
 from indent_sim.theory.solution import SOLUTION_ERRORS, Solution
 from indent_sim.theory.theory import Theory
@@ -33,7 +34,7 @@ def theory_comparison(
     Theory is evaluated at the depth of the run, or at its force if forces are prescribed, with the
     friction of the scene if its effect is known. `force_deviation` or `delta_deviation` is run /
     theory - 1; `exact` is true if the theory is exact for the body. With adhesion the theory is
-    JKR's.
+    JKR's, and for a body that has yielded the functions of Dao et al., where they hold.
 
     Parameters
     ----------
@@ -46,6 +47,8 @@ def theory_comparison(
     """
     if scene.plan.adhesion:
         return _jkr_comparison(scene, states)
+    if has_yielded(states):
+        return published_comparison(scene, states)
     optional_output = optional_output or OptionalOutput()
     theory = scene.plan.theory
     deepest = max(states, key=lambda state: state.delta, default=None)
@@ -184,12 +187,14 @@ def _jkr_comparison(scene: Scene, states: Sequence[State]) -> dict[str, Any] | N
 def _theory_differences(scene: Scene) -> tuple[str, ...]:
     """Return the differences between the problem and the theory, which may include friction."""
     known_friction = FRICTION_WHY if scene.plan.friction else ""
+    # A body that has yielded is not compared with elastic theory.
+    ignored = (known_friction, YIELD_WHY)
     sphere_reason = (
         ("the theory's effect of friction is that under a paraboloid",)
         if known_friction and isinstance(scene.physics.indenter, Sphere)
         else ()
     )
-    return (*(why for why in scene.theory_differences if why != known_friction), *sphere_reason)
+    return (*(why for why in scene.theory_differences if why not in ignored), *sphere_reason)
 
 
 def _half_space_comparison(scene: Scene, state: State) -> dict[str, Any] | None:

@@ -50,7 +50,7 @@ def model_choices(setup: ProblemSetup) -> Choices:
         "is rigid and without friction, and delta is the approach of tip and flat"
     )
     kind = "linear elastic" if physics.small_strain else "hyperelastic"
-    plastic = ", and yields" if physics.yields else ""
+    plastic = f", and yields{_onset_words(setup)}" if physics.yields else ""
     strain = ("small" if physics.small_strain else "finite", f"the material is {kind}{plastic}")
     force_reason = (
         "forces are prescribed: the depth of each is found by load control, with force(depth) "
@@ -70,6 +70,17 @@ def model_choices(setup: ProblemSetup) -> Choices:
         *([Choice("pins", len(domain.pins), pinned)] if domain.pins else []),
         *([Choice("body.base", "unbonded", resting)] if domain.rests_on_flat else []),
     ]
+
+
+def _onset_words(setup: ProblemSetup) -> str:
+    """Return from which depth on a body yields, as the end of a sentence; "" if not known."""
+    onset = setup.yielding.onset if setup.yielding else None
+    if onset is None:
+        return ""
+    if onset.delta == 0:
+        return " from the first contact on, since the tip is sharp"
+    depth = onset.delta * setup.physics.scales.depth
+    return f" from the depth {depth:.4g} on (Hertz and von Mises)"
 
 
 def side_force_choices(physics: ProblemDefinition) -> Choices:
@@ -285,9 +296,14 @@ def time_steps(setup: ProblemSetup, physics: ProblemDefinition, sizes: Sizes) ->
         reasons.append(
             f"the shear modulus relaxes in times of {min(relaxing):.3g} to {max(relaxing):.3g}"
         )
-    method = (
-        "SDIRK2" if physics.permeable_regions else "exact integration of the Prony exponentials"
-    )
+    creeps = any(region.material.creeps for region in physics.domain.regions)
+    if creeps:
+        reasons.append("the body creeps: a hundredth of the shortest segment of the history")
+        method = "backward Euler"
+    elif physics.permeable_regions:
+        method = "SDIRK2"
+    else:
+        method = "exact integration of the Prony exponentials"
     reasons.append(
         f"in every segment of the history {setup.steps_per_doubling} steps of this length, then as "
         f"many of twice the length, and so on; time integration: {method}"

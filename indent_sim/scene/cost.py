@@ -20,6 +20,8 @@ from indent_sim.scene.measured_constants import (
     PROCESS_MEMORY,
     START_SECONDS,
     TIME_DEPENDENT_STEP_FACTOR,
+    YIELD_SOLVES,
+    YIELD_STEP_FACTOR,
 )
 from indent_sim.scene.mesh_counts import candidate_count, mesh_counts
 
@@ -56,6 +58,8 @@ class SolverWork:
         Number of further steps of a linear body in which the tip is at rest.
     least_solves : float
         Number of linear solves that the path takes at least, however few its steps are.
+    yields : bool
+        True if the body may yield.
     """
 
     method: str
@@ -68,6 +72,7 @@ class SolverWork:
     is_time_dependent: bool = False
     holding_steps: int = 0
     least_solves: float = 0.0
+    yields: bool = False
 
     @property
     def linear_solves(self) -> float:
@@ -78,13 +83,18 @@ class SolverWork:
         # Number of linear solves of a snap into or out of adhesive contact. 25 to 150 were
         # observed, most at large Maugis parameters.
         snap_solves = 100.0
-        solves = (4.0 if self.is_nonlinear else 1.5) * self.steps + 10.0 + snap_solves * self.snaps
+        solves_per_step = 4.0 if self.is_nonlinear else 1.5
+        if self.yields:
+            solves_per_step = YIELD_SOLVES
+        solves = solves_per_step * self.steps + 10.0 + snap_solves * self.snaps
         return max(solves, self.least_solves)
 
     def step_time_factor(self, dim: int) -> float:
-        """Return the factor by which friction and time dependence slow down a linear solve."""
+        """Return the factor by which friction, time dependence and yield slow down a solve."""
         friction_factor = FRICTION_STEP_FACTOR[dim] if self.has_friction else 1.0
-        return friction_factor * (TIME_DEPENDENT_STEP_FACTOR if self.is_time_dependent else 1.0)
+        yield_factor = YIELD_STEP_FACTOR if self.yields else 1.0
+        time_factor = TIME_DEPENDENT_STEP_FACTOR if self.is_time_dependent else 1.0
+        return friction_factor * time_factor * yield_factor
 
 
 @dataclass(frozen=True)
@@ -108,6 +118,16 @@ def predict_cost(sizes: Sizes, domain: ModelDomain, work: SolverWork) -> Cost:
         dofs,
         float(PROCESS_MEMORY + memory),
         float(START_SECONDS + 3e-5 * count["cells"] + solve),
+    )
+
+
+def add_tip_cost(body: Cost, tip: Cost) -> Cost:
+    """Return the cost of a body and of a soft tip on the same mesh, from those of each alone."""
+    return Cost(
+        body.cells + tip.cells,
+        body.dofs + tip.dofs,
+        body.memory + tip.memory - PROCESS_MEMORY,
+        body.seconds + tip.seconds - START_SECONDS,
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from math import isfinite
@@ -42,6 +42,7 @@ def expected_depths(
     height: float,
     scales: Scales,
     mirror_multiplicity: int = 1,
+    yielding_depth: Callable[[float, float], float | None] | None = None,
 ) -> tuple[float, ...]:
     """Return the prescribed depths, or the depths expected at the prescribed forces.
 
@@ -66,6 +67,9 @@ def expected_depths(
     mirror_multiplicity : int, optional
         Number of bodies in contact with the tip, including mirror images (1, 2 or 4). The theory is
         evaluated at the total force, which is this number times the prescribed one.
+    yielding_depth : callable, optional
+        Function that returns the depth of a body that yields at a force, or None, from the force
+        and the depth of the elastic body.
 
     Returns
     -------
@@ -97,6 +101,8 @@ def expected_depths(
     for force in map(float, sample_forces):
         start = estimate_depth(tip.radius_at, force, E_star) if scales.dim == 3 else force / E_star
         depth = (theory and theory.depth_of_force(force, max_depth)) or min(start, max_depth / 2)
+        if yielding_depth:
+            depth = min(yielding_depth(force, depth) or depth, max_depth)
         # Rounding makes the depth, and with it the mesh, independent of the user's units.
         sample_depths.append(float(f"{depth:.9g}"))
     interpolate_log = partial(np.interp, xp=np.log(sample_forces), fp=np.log(sample_depths))

@@ -121,11 +121,27 @@ def _contact_law_warnings(
 
 
 def _yield_warnings(setup: ProblemSetup) -> Iterator[ModelWarning]:
-    """Yield a warning on the error due to long increments of a body that yields."""
+    """Yield warnings on yield: a path that is elastic, elastic strains, long increments."""
+    if not setup.physics.yields:
+        return
+    onset = setup.yielding.onset if setup.yielding else None
+    is_only_first_layer = (
+        sum(bool(r.material.plasticity) for r in setup.physics.domain.regions) == 1
+    )
+    if onset and setup.max_depth < onset.delta and is_only_first_layer:
+        message = (
+            "yield: the body does not yield on this path: yield begins at the depth "
+            f"{onset.delta * setup.physics.scales.depth:.4g}, by Hertz and von Mises"
+        )
+        yield ModelWarning("no_yield", message)
+        return
+    yield from _yield_strain_warnings(setup)
     # The stress below a plate is uniform, and its increments are exact.
-    if not setup.physics.yields or setup.physics.is_compressed:
+    if setup.physics.is_compressed:
         return
     deltas = setup.physics.deltas
+    if setup.physics.path.turns and not setup.physics.path.times:
+        return  # the increments follow from the accuracy
     longest = max(after - before for before, after in pairwise((0.0, *deltas))) / setup.max_depth
     error = min(YIELD_INCREMENT_ERROR * longest, MAX_YIELD_INCREMENT_ERROR)
     if error >= NEGLIGIBLE_ERROR:
@@ -135,6 +151,25 @@ def _yield_warnings(setup: ProblemSetup) -> Iterator[ModelWarning]:
             "proportion, and --error-bars computes it"
         )
         yield ModelWarning("increments", message)
+
+
+def _yield_strain_warnings(setup: ProblemSetup) -> Iterator[ModelWarning]:
+    """Yield a warning if the elastic strain at yield is too large for the elastic law."""
+    # Ratio of Young's modulus and yield stress below which the logarithmic law, which is measured
+    # on metals at strains of a per cent, is an assumption.
+    least_ratio = 10.0
+    ratios = [
+        region.material.constants.E / region.material.plasticity.yield_stress
+        for region in setup.physics.domain.regions
+        if region.material.plasticity
+    ]
+    if min(ratios) < least_ratio:
+        message = (
+            f"yield: E/yield_stress is {min(ratios):.3g}, so that the elastic strain at yield is "
+            f"{1 / min(ratios):.0%}, at which no metal or glass is elastic: do both have the same "
+            "unit?"
+        )
+        yield ModelWarning("yield_strain", message)
 
 
 def _friction_warnings(
@@ -251,7 +286,9 @@ def _element_warnings(
         not sizes.is_resolved(shallowest)
         and (shallow_error := expected_force_error(sizes, shallowest, nu)) >= UNDERRESOLVED_ERROR
     ):
-        element_text = f"only {shallowest / sizes.h_contact:.2g} elements are in the contact radius"
+        element_text = (
+            f"the contact radius has a length of only {shallowest / sizes.h_contact:.2g} elements"
+        )
         wrong_text = f"the force there may be wrong by {error_text(shallow_error)}"
         message = (
             "the elements resolve the largest contact; in the smallest one "

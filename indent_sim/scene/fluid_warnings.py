@@ -45,8 +45,8 @@ def fluid_warnings(
     if physics.creasing_message:
         yield ModelWarning(
             "creases",
-            f"{physics.creasing_message}: some equilibria may not be found, and the others have a "
-            "smooth surface",
+            f"{physics.creasing_message}: some increments may not converge, and the computed "
+            "surface stays smooth where a real one creases",
         )
     if physics.demixing_message:
         yield ModelWarning("demixing", f"{physics.demixing_message}: equilibria may not be found")

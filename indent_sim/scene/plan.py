@@ -16,6 +16,7 @@ from indent_sim.theory.theory import Theory
 
 if TYPE_CHECKING:
     from indent_sim.config.scene_sections import Units
+    from indent_sim.scene.yielding_contact import YieldingContact
     from indent_sim.theory.adhesion import Jkr
 
 
@@ -39,6 +40,8 @@ class Plan:
         The nondimensional JKR contact of the same tip.
     time : TimePrediction or None
         Characteristic times and elastic limiting cases of a scene with a history.
+    yielding : YieldingContact or None
+        Expected contact of a body whose first layer yields.
     """
 
     title: str
@@ -53,6 +56,7 @@ class Plan:
     adhesion: ExpectedAdhesion | None = None
     jkr: Jkr | None = field(default=None, repr=False)
     time: TimePrediction | None = None
+    yielding: YieldingContact | None = field(default=None, repr=False)
 
     @property
     def warnings(self) -> tuple[str, ...]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import dataclass
-from math import inf
+from math import inf, isfinite
 
 from indent_sim.model.symbols import ADHESION_SYMBOLS
 from indent_sim.scene.half_space_formulas import half_space_depth, half_space_force
@@ -17,9 +17,10 @@ def prediction_of(setup: ProblemSetup) -> dict[str, float]:
 
     The keys are the contact radius `a`, the elastocapillary length of a body with surface tension,
     and the force at the largest depth, or `delta` at the largest force if forces are prescribed.
-    The value by theory has the plain key; values by formulas for half-spaces and thin layers have
-    keys with a suffix. For an adhesive tip only the JKR limit is given. Unknown quantities are left
-    out.
+    For a body that yields they are estimates, with depth and force at the onset of yield if these
+    are known. The value by theory has the plain key; values by formulas for half-spaces and thin
+    layers have keys with a suffix. For an adhesive tip only the JKR limit is given. Unknown
+    quantities are left out.
     """
     physics = setup.physics
     delta = setup.max_depth
@@ -41,7 +42,10 @@ def prediction_of(setup: ProblemSetup) -> dict[str, float]:
     if setup.surface_rise:
         # No elastic body at that depth has the force of a gel that swells against its tip.
         return {"a": setup.a * scales.length}
-    if setup.attraction:
+    if setup.yielding and delta > 0 and not physics.is_time_dependent:
+        force = setup.yielding.force(delta)
+        values[quantity] = delta if largest is not None else (force if isfinite(force) else None)
+    elif setup.attraction:
         with suppress(*SOLUTION_ERRORS):
             contact = setup.jkr and setup.jkr.stable_equilibrium(
                 *((delta,) if largest is None else (largest, inf))
@@ -70,6 +74,9 @@ def prediction_of(setup: ProblemSetup) -> dict[str, float]:
             }
     converted = {name: value * unit for name, value in values.items() if value is not None}
     prediction = {"a": setup.a * scales.length}
+    if setup.yielding and (onset := setup.yielding.onset):
+        converted["onset_delta"] = onset.delta * scales.depth
+        converted["onset_force"] = onset.force * scales.force / physics.mirror_multiplicity
     if elastocapillary_length := setup.elastocapillary_length:
         prediction["elastocapillary_length"] = elastocapillary_length * scales.length
     return prediction | converted

@@ -23,6 +23,7 @@ from indent_sim.model.state import (
     RESTING_COLUMNS,
     SLIDE_COLUMNS,
     SOFT_TIP_COLUMNS,
+    UNLOADING_COLUMNS,
 )
 from indent_sim.model.tip_track import TipTrack
 from indent_sim.model.tips import FlatPunch, Indenter
@@ -328,6 +329,11 @@ class ProblemDefinition:
         return any(region.material.plasticity for region in self.domain.regions)
 
     @property
+    def searches_unloading_depths(self) -> bool:
+        """True if the depths of unloading are known only when the body is solved."""
+        return self.path.unloading is not None and self.path.control == "depth" and self.yields
+
+    @property
     def is_time_dependent(self) -> bool:
         """True if the force changes with time at a constant depth."""
         return any(region.material.is_time_dependent for region in self.domain.regions)
@@ -356,11 +362,13 @@ class ProblemDefinition:
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """Columns for tip, flat below, slide, friction, tilt, fluid and yield, in order."""
+        """Columns for tip, flat, slide, friction, tilt, fluid, yield and unloading, in order."""
         soft_tip = SOFT_TIP_COLUMNS if self.indenter.elastic_part else ()
+        unloading = UNLOADING_COLUMNS if self.path.unloading else ()
         if soft_tip or self.domain.rests_on_flat:
             # Soft tips and bodies on a flat are not modelled with friction or pore fluid.
-            return (*soft_tip, *(RESTING_COLUMNS if self.domain.rests_on_flat else ()))
+            resting = RESTING_COLUMNS if self.domain.rests_on_flat else ()
+            return (*soft_tip, *resting, *unloading)
         fluid = FLUID_COLUMNS if self.permeable_regions else ()
         plastic = PLASTIC_COLUMNS if self.yields else ()
         tilt = MOMENT_COLUMNS if self.has_moment else ()
@@ -375,6 +383,7 @@ class ProblemDefinition:
             *tilt,
             *fluid,
             *plastic,
+            *unloading,
         )
 
     @property
@@ -503,6 +512,7 @@ class ProblemDefinition:
             is_nonlinear_in_time,
             holding_solves,
             self._sliding_solves,
+            self.yields,
         )
 
     @property

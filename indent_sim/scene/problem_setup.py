@@ -24,6 +24,7 @@ from indent_sim.model.tip_track import TipTrack
 from indent_sim.model.tips import FlatPunch, Indenter, Plate
 from indent_sim.model.unbounded_bodies import HalfSpace, UnboundedBody
 from indent_sim.model.units import Scales, round_length
+from indent_sim.process.errors import ConfigError
 from indent_sim.scene.compression_theory import RADIUS_TOLERANCE, covers_top
 from indent_sim.scene.depth_limits import (
     Center,
@@ -55,8 +56,15 @@ from indent_sim.scene.regions import (
     least_shear_fraction,
     round_lengths,
 )
+from indent_sim.scene.resolution import target_error
 from indent_sim.scene.swelling import max_surface_rise, nondimensional_drainage
 from indent_sim.scene.symmetry_reduction import reduce
+from indent_sim.scene.yield_increments import (
+    MAX_INCREMENTS,
+    increment_count,
+    with_yield_increments,
+)
+from indent_sim.scene.yielding_contact import YieldingContact, yielding_contact
 from indent_sim.theory.solution import Solution
 from indent_sim.theory.theory import Theory
 
@@ -108,6 +116,8 @@ class ProblemSetup:
         The expected contact radius [length] as a function of depth [length].
     theory_for_materials : callable
         The reference theory of the same scene after a change of the material of every layer.
+    yielding : YieldingContact or None
+        The expected contact if the first layer yields.
     """
 
     physics: ProblemDefinition
@@ -128,6 +138,7 @@ class ProblemSetup:
     theory_for_materials: Callable[[Callable[[Material], Material]], Theory | None] = field(
         repr=False
     )
+    yielding: YieldingContact | None = None
 
     @property
     def is_half_space(self) -> bool:
@@ -311,6 +322,7 @@ def _set_up(
         if history
         else config.loading.path()
     )
+    path = _with_increments(config, path, is_covered=covers_top(indenter, whole_body, center))
     check_scene(whole_body, layers, indenter, center, path, contacts, "loading")
     scales = Scales(
         _length_unit(whole_body, layers, indenter, path),
@@ -336,15 +348,32 @@ def _set_up(
     tension = scales.nondimensionalize(config.body).surface_tension
     theory = theory_of(whole_body, layers, tip, center, tension)
     relative = relative_tip(tip, body)
+    radius = cache(partial(expected_radius, theory, (relative, tip), body, center))
+    yielding = yielding_contact(
+        theory,
+        relative,
+        body,
+        layers,
+        center,
+        domain.kinematics,
+        radius,
+        is_half_space=isinstance(whole_body, HalfSpace),
+    )
     deltas = expected_depths(
-        path, theory, relative, material, body.height, scales, domain.mirrored_body_count(center)
+        path,
+        theory,
+        relative,
+        material,
+        body.height,
+        scales,
+        domain.mirrored_body_count(center),
+        yielding.depth_of_force if yielding else None,
     )
     drainage = nondimensional_drainage(config, history, scales)
     physics = ProblemDefinition(
         scales, body, domain, tip, center, path, deltas, surface_tension=tension, drainage=drainage
     )
     attraction = scales.nondimensionalize(config.contact).adhesion
-    radius = cache(partial(expected_radius, theory, (relative, tip), body, center))
     theory = theory and theory.checked_for_tension(deltas)
 
     def theory_with(change: Callable[[Material], Material]) -> Theory | None:
@@ -373,9 +402,26 @@ def _set_up(
         layers,
         *expectations,
         max_surface_rise(drainage, layers),
-        radius,
+        cache(yielding.radius) if yielding else radius,
         theory_with,
+        yielding,
     )
+
+
+def _with_increments(config: Config, path: LoadPath, *, is_covered: bool) -> LoadPath:
+    """Return the path with the increments that an accuracy requires of a body that yields.
+
+    The stress below a tip that covers the body is uniform, and its increments are exact.
+    """
+    target = target_error(config.accuracy)
+    yields = any(law.plasticity for _, law in config.materials())
+    if target is None or not yields or is_covered:
+        return path
+    refined = with_yield_increments(path, target)
+    if (count := increment_count(refined)) > MAX_INCREMENTS:
+        problem = f"needs {count} load increments, since the body yields"
+        raise ConfigError("accuracy", problem, "use a larger one, or --error-bars")
+    return refined
 
 
 def _punch_if_soft(tip: Indenter) -> Indenter:

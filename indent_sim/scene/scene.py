@@ -11,6 +11,7 @@ from indent_sim.mesh.grid import Grid, map_grid
 from indent_sim.mesh.imported_mesh import ImportedMesh
 from indent_sim.mesh.reactions import reaction_columns
 from indent_sim.mesh.sizes import Sizes
+from indent_sim.mesh.two_bodies import TwoBodyDomain
 from indent_sim.model.experiment import Experiment
 from indent_sim.model.history import History
 from indent_sim.model.relaxation import Relaxation
@@ -22,7 +23,7 @@ from indent_sim.process.repr_tables import ReprTable, cell_text
 from indent_sim.process.usage import machine_memory
 from indent_sim.scene import choices, contact_choices, curve_choices, sizing, solver_choices
 from indent_sim.scene.choices import Choice
-from indent_sim.scene.cost import Cost, SolverWork
+from indent_sim.scene.cost import Cost, SolverWork, add_tip_cost
 from indent_sim.scene.cost import predict_cost as cost_of
 from indent_sim.scene.diffusion_times import drained_face_size
 from indent_sim.scene.discretisation_warnings import scene_warnings
@@ -59,6 +60,7 @@ if TYPE_CHECKING:
     from indent_sim.config.schema import Config
 
 FRICTION_WHY = "the surface has friction, but the theory has none"
+YIELD_WHY = "the body yields, but the theory is elastic"
 
 
 @dataclass(frozen=True)
@@ -159,7 +161,30 @@ class Scene:
     def cost(self) -> Cost:
         """Predicted cost of this scene on its mesh, without runs for error estimates."""
         work = self.physics.solver_work(self.solver.method, self.solver.linear)
-        return cost_of(self.sizes, self.physics.domain, work)
+        cost = cost_of(self.sizes, self.physics.domain, work)
+        if self.tip_scene is None or not self.has_two_body_mesh:
+            return cost
+        tip_cost = cost_of(self.tip_scene.sizes, self.tip_scene.physics.domain, work)
+        return add_tip_cost(cost, tip_cost)
+
+    @property
+    def has_two_body_mesh(self) -> bool:
+        """True if a soft tip is on the mesh of the body, and not condensed on a mesh of its own."""
+        return self.tip_scene is not None and self.solver.method != "condensed"
+
+    def two_body_scene(self) -> Scene:
+        """Return the scene whose domain is that of the body and of its soft tip.
+
+        The tip is a region in the units of the body, with the formulation of its own scene.
+        """
+        elastic_part = self.physics.indenter.elastic_part
+        assert self.tip_scene is not None
+        assert elastic_part is not None
+        tip_domain = self.tip_scene.physics.domain
+        (tip_region,) = tip_domain.regions
+        region = replace(tip_region, name="tip", material=elastic_part.material)
+        domain = TwoBodyDomain.join(self.physics.domain, tip_domain, region)
+        return self.replace_physics(domain=domain)
 
     def grid(self) -> Grid:
         """Return the mesh of the model domain; raise MeshError if gmsh fails."""
@@ -215,7 +240,7 @@ class Scene:
                 not physics.small_strain and not is_finite,
                 "strains are finite, but the theory is for small strain",
             ),
-            (physics.yields, "the body yields, but the theory is elastic"),
+            (physics.yields, YIELD_WHY),
             (physics.has_friction, FRICTION_WHY),
             (physics.slides, "the tip slides, but the theory has no sideways motion"),
             (
@@ -429,6 +454,9 @@ def _meshed_scene(config: Config, setup: ProblemSetup, per_radius: float | None)
     )
     is_soft = physics.indenter.elastic_part is not None
     tip_scene = resolve(soft_tip_config(config, setup, sizes)) if is_soft else None
+    if tip_scene and solver.value == "newton":
+        work = physics.solver_work("newton", "direct")
+        cost = add_tip_cost(cost, cost_of(tip_scene.sizes, tip_scene.physics.domain, work))
     contact_decisions = (
         *(soft_tip_choices(setup, tip_scene.physics.domain) if tip_scene else ()),
         gap_choice,
@@ -480,6 +508,7 @@ def _meshed_scene(config: Config, setup: ProblemSetup, per_radius: float | None)
         adhesion,
         setup.jkr,
         time,
+        setup.yielding,
     )
     plan = Plan(config.title, config.units, *plan_parts)
     settings = replace(

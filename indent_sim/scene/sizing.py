@@ -269,7 +269,8 @@ def _default_sizes(
     domain = setup.physics.domain
     a = setup.a
     dim = domain.dim
-    last_depth = physics.deltas[-1]
+    # In unloading, the contact of a body that yields hardly shrinks until the tip leaves it.
+    last_depth = setup.max_depth if physics.yields else physics.deltas[-1]
     anisotropy = anisotropy_factor(physics.material.decay_rates)
     # All further sizes follow from h_contact, whether the config gives it or not.
     h_contact = round_length(

@@ -77,8 +77,10 @@ def solver(config: Config, setup: ProblemSetup, physics: ProblemDefinition, node
             f"about {size_text} (static condensation is limited to {MAX_CANDIDATES} nodes)",
         ),
     )
-    if obstacle and (physics.indenter.elastic_part or physics.domain.rests_on_flat):
-        two_bodies = "indenter.material" if physics.indenter.elastic_part else "body.base"
+    tip = physics.indenter.elastic_part
+    is_linear_tip = tip is not None and tip.material.is_small_strain
+    if obstacle and (is_linear_tip or physics.domain.rests_on_flat):
+        two_bodies = "indenter.material" if is_linear_tip else "body.base"
         problem = f"is solved by static condensation, but {obstacle}"
         raise ConfigError(two_bodies, problem, "use a rigid tip, and a base that is bonded")
     if requested == "condensed" and obstacle:

@@ -82,3 +82,17 @@ THEORY_ERROR = 1e-8
 TENSION_ERROR_OF_KINKED_TIPS = 5e-4
 TENSION_ERROR_OF_PUNCHES = 1e-5
 TENSION_ERROR_OF_SMOOTH_TIPS = 1e-8
+
+# Height of the tip at the contact edge above its apex, divided by the depth [-], of a half-space
+# that yields without hardening, at strain ratios E tan(beta)/sigma_r [-]: from that of an elastic
+# half-space on. Sharp: cones of 70.3 degrees at E/sigma_y = 33, 100, 333 and 700. Round: spheres at
+# E/sigma_y = 1000 with a/R = 0.0095, 0.029 and 0.365. Checked:
+# tests/physics/test_yielding_contact.py.
+SHARP_STRAIN_RATIOS = (3.3, 12.0, 36.0, 119.0, 250.0)
+SHARP_CONTACT_HEIGHTS = (2 / math.pi, 0.85, 1.03, 1.17, 1.23)
+ROUND_STRAIN_RATIOS = (3.3, 9.5, 29.0, 365.0)
+ROUND_CONTACT_HEIGHTS = (0.5, 0.70, 0.855, 1.38)
+# Mean pressure of a contact that yields minus the pressure in Johnson's cavity, over the flow
+# stress [-]: 0.75 to 0.9 under spheres and 1.0 under cones. Checked:
+# tests/physics/test_yielding_contact.py.
+PRESSURE_OFFSET = 0.85

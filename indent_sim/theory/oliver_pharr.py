@@ -21,6 +21,8 @@ from indent_sim.theory.solution import require_positive
 # Young's modulus [Pa] and Poisson's ratio [-] of diamond: Oliver & Pharr (1992), ISO 14577-1.
 DIAMOND_E = 1141e9
 DIAMOND_NU = 0.07
+# Exponents of the contact depth in the area function A = sum C_k h_c^p_k: Oliver & Pharr (1992).
+AREA_EXPONENTS = (2.0, 1.0, 0.5, 0.25, 0.125)
 # Confidence of the intervals whose half-widths are the stated errors.
 CONFIDENCE = 0.95
 # Smallest number of samples of a fit: two more than the three parameters of the power law.
@@ -43,6 +45,40 @@ def reduced_modulus(S: float, area: float, beta: float) -> float:
     """
     require_positive(area=area, beta=beta)
     return sqrt(pi) * S / (2.0 * beta * sqrt(area))
+
+
+def area_of_stiffness(S: float, E_r: float, beta: float) -> float:
+    """Return the area pi (S/(2 beta E_r))^2 of a contact of known reduced modulus [L^2]."""
+    require_positive(S=S, E_r=E_r, beta=beta)
+    return pi * (S / (2.0 * beta * E_r)) ** 2
+
+
+def area_function(h_c: np.ndarray, coefficients: np.ndarray) -> np.ndarray:
+    """Return the areas (n,) [L^2] at contact depths (n,) [L] by the powers of AREA_EXPONENTS."""
+    return np.asarray(_area_powers(h_c) @ coefficients)
+
+
+def fit_area_function(h_c: np.ndarray, area: np.ndarray) -> np.ndarray:
+    """Return the coefficients (5,) of an area function by least squares of relative differences.
+
+    None of them is negative, so that the area increases with the contact depth.
+
+    Parameters
+    ----------
+    h_c, area
+        Contact depths [L] and areas [L^2] of measurements (n,), all positive.
+    """
+    from scipy.optimize import nnls
+
+    relative = _area_powers(h_c) / np.asarray(area)[:, None]
+    # Columns of unit length keep the least squares well conditioned in any unit of length.
+    sizes = np.linalg.norm(relative, axis=0)
+    return np.asarray(nnls(relative / sizes, np.ones(len(relative)))[0] / sizes)
+
+
+def _area_powers(h_c: np.ndarray) -> np.ndarray:
+    """Return the powers (n, 5) of contact depths (n,) in the area function."""
+    return np.asarray(h_c)[:, None] ** np.array(AREA_EXPONENTS)
 
 
 def indentation_modulus(E_r: float, nu: float, tip_E_star: float = math.inf) -> float:

@@ -189,7 +189,7 @@ class SurfaceContactLCP:
         )
 
     def _solve_active_set(self, open_gaps: np.ndarray) -> np.ndarray:
-        """Return the pressures of any contact by a primal-dual active set method."""
+        """Return the pressures of a contact of any shape by a primal-dual active set method."""
         is_active = self._is_active if self._is_active.any() else open_gaps < 0.0
         for _ in range(MAX_ACTIVE_SET_ITERATIONS):
             p, gap = self._pressures_and_gaps(open_gaps, is_active)

@@ -44,8 +44,8 @@ class Theory:
         Textbook formulas by name: functions that return the force [pressure length^2] at a depth
         [length].
     tension_fraction
-        Ratio of the resultant of tensile contact pressure to the force, if only this makes the
-        theory inexact.
+        Resultant of the tensile part of the contact pressure, divided by the force; given only if
+        this tension is the sole reason why the theory is inexact.
     """
 
     name: str

@@ -27,19 +27,19 @@ def test_a_page_says_at_which_commit_it_was_measured(tmp_path: Path) -> None:
     page = tmp_path / "docs" / "page.md"
     page.parent.mkdir()
     generated_page.write(page, TEXT, tmp_path)
-    assert (
-        page.read_text() == "# A title\n\nMeasured from sources without a repository.\n\nWords.\n"
-    )
+    measured = "The numbers on this page were measured"
+    sources = f"{measured} from sources without a repository."
+    assert page.read_text() == f"# A title\n\n{sources}\n\nWords.\n"
     git(tmp_path, "init", "-q")
     git(tmp_path, "add", "-A")
     git(tmp_path, "commit", "-q", "-m", "a")
     commit = git(tmp_path, "rev-parse", "HEAD")[:8]
     generated_page.write(page, page.read_text(), tmp_path)
     generated_page.write(page, page.read_text(), tmp_path)
-    assert page.read_text() == f"# A title\n\nMeasured at commit {commit}.\n\nWords.\n"
+    assert page.read_text() == f"# A title\n\n{measured} at commit {commit}.\n\nWords.\n"
     (tmp_path / "program.py").write_text("")
     generated_page.write(page, page.read_text(), tmp_path)
-    said = f"Measured at commit {commit}, with changes that are not committed."
+    said = f"{measured} at commit {commit}, with changes that are not committed."
     assert page.read_text() == f"# A title\n\n{said}\n\nWords.\n"
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import os
 import re
@@ -130,6 +131,93 @@ def test_json_and_python_agree(run: Run) -> None:
         indent_sim.hardness("test.txt", color="red")
 
 
+HYSITRON = (
+    "Wed Mar 13 2019\nNumber of Points = 500\n\nDepth (nm)\tLoad (\u00b5N)\tTime (s)\tLoad (V)\n"
+)
+AGILENT = "Segment\tDisplacement Into Surface\tLoad On Sample\tTime On Sample\tStiffness\tModulus\n"
+ANTON_PAAR = "Sample : FS\n\nTime [s]\tPd [nm]\tFn [mN]\tSegment\n"
+FISCHER = "Fischerscope\nF\th\tt\nmN\t\u00b5m\ts\n"
+# Text exports: head, and a row of time [s], depth [nm] and force [mN].
+EXPORTS: dict[str, tuple[str, Callable[..., str]]] = {
+    "Hysitron": (HYSITRON, lambda t, h, F: f"{h:.4f}\t{1e3 * F:.4f}\t{t:.3f}\t{F:.5f}"),
+    "Agilent": (
+        AGILENT + "\tnm\tmN\ts\tN/m\tGPa\n",
+        lambda t, h, F: f"Load Segment\t{h:.4f}\t{F:.6f}\t{t:.3f}\t1000\t70",
+    ),
+    "Anton Paar": (ANTON_PAAR, lambda t, h, F: f"{t:.3f}\t{h:.4f}\t{F:.6f}\t0"),
+    "Fischer": (FISCHER, lambda t, h, F: f"{F:.6f}\t{1e-3 * h:.7f}\t{t:.3f}".replace(".", ",")),
+}
+
+
+@pytest.mark.parametrize("name", EXPORTS)
+def test_text_of_instruments_is_read(run: Run, name: str) -> None:
+    """E and H of a loop in the layout and the units of an instrument's text file."""
+    head, row = EXPORTS[name]
+    made = loop(FUSED_SILICA)
+    rows = [row(*values) for values in zip(made.t, made.h, made.F, strict=True)]
+    Path("export.txt").write_text("\n".join([head + rows[0], *rows[1:], ""]), encoding="latin-1")
+    done = run("hardness", "export.txt", "--nu", "0.17", "--json")
+    assert done.exit_code == 0, done.stderr
+    found = json.loads(done.stdout)
+    GPa = {"GPa": 1.0, "MPa": 1e3}[found["units"]["E_IT"]]
+    assert found["values"]["E_IT"] == pytest.approx(72 * GPa, rel=2e-3)
+    assert found["values"]["H_IT"] == pytest.approx(9.3 * GPa, rel=2e-3)
+
+
+DAMAGE: dict[str, tuple[Callable[[np.ndarray, np.ndarray], tuple], str]] = {
+    "no unloading": (lambda h, F: (h[:300], F[:300]), "the curve has no unloading"),
+    "negative forces": (lambda h, F: (h, -F), "the largest force is 0"),
+    "no force": (lambda h, F: (h, 0 * F), "the largest force is 0"),
+    "all NaN": (lambda h, F: (h, np.nan * F), "lack a number"),
+    "negative depths": (lambda h, F: (-h, F), "must be positive"),
+}
+
+
+@pytest.mark.parametrize("name", DAMAGE)
+def test_damaged_loops_are_refused(run: Run, name: str) -> None:
+    change, problem = DAMAGE[name]
+    made = loop(FUSED_SILICA)
+    rows = [f"{h},{F}" for h, F in zip(*change(made.h, made.F), strict=True)]
+    Path("test.csv").write_text("\n".join(["depth [nm],load [mN]", *rows, ""]))
+    done = run("hardness", "test.csv")
+    assert done.exit_code == 2 and problem in done.stderr, done.stderr
+
+
+def test_damage_that_leaves_a_number_is_inside_the_error(run: Run) -> None:
+    """Noise of 5 % of the force at the top, and unloading alone."""
+    made = loop(FUSED_SILICA)
+    draw = np.random.default_rng(0)
+    for name in ("noise", "unloading only"):
+        rows = slice(None) if name == "noise" else slice(299, None)
+        noise = 0.05 * draw.standard_normal(len(made.F)) if name == "noise" else 0.0 * made.F
+        table = zip(made.h[rows], (made.F + 10 * noise)[rows], strict=True)
+        lines = [f"{h},{F}" for h, F in table]
+        Path("test.csv").write_text("\n".join(["depth [nm],load [mN]", *lines, ""]))
+        done = run("hardness", "test.csv", "--nu", "0.17", "--json")
+        found = json.loads(done.stdout)
+        E, error = found["values"]["E_IT"], found["errors"]["E_IT"]
+        assert abs(E - 72) < max(1.5 * error, 0.1), (name, E, error)
+
+
+def test_a_tip_is_calibrated(run: Run) -> None:
+    """The table of `calibrate` is an area function; an ideal tip gives that of the ideal tip."""
+    for k, F_max in enumerate((1.0, 3.0, 10.0, 30.0)):
+        Path(f"fs{k}.txt").write_text(loop(FUSED_SILICA, F_max=F_max).table())
+    files = [f"fs{k}.txt" for k in range(4)]
+    done = run("calibrate", *files, "--output", "area.csv")
+    assert done.exit_code == 0, done.stderr
+    assert "24.49" in done.stdout and "area.csv" in done.stdout
+    words = ("--area", "area.csv", "--nu", "0.17", "--json")
+    values = json.loads(run("hardness", "fs1.txt", *words).stdout)["values"]
+    assert values["A_p"] == pytest.approx(24.494 * values["h_c"] ** 2, rel=2e-3)
+    again = run("calibrate", *files, "--output", "area.csv", "--json")
+    assert again.exit_code == 3 and "is not replaced" in again.stderr
+    shown = json.loads(run("calibrate", *files, "--output", "b.csv", "--json").stdout)
+    assert shown["scatter"] < 1e-3 and len(shown["curves"]) == 4
+    few = run("calibrate", "fs0.txt", "--output", "c.csv")
+    assert few.exit_code == 2 and "at least 3" in few.stderr
+
+
 @pytest.mark.parametrize(
     ("words", "code", "problem"),
     [
@@ -188,3 +276,46 @@ def test_random_damage_ends_with_a_number_or_a_reason(run: Run) -> None:
         found = json.loads(done.stdout)
         if found["status"] == "done":
             assert found["values"]["H_IT"] > 0 and 0.9 < found["values"]["m"] < 2.6
+
+
+METAL_SCENE = """
+title: A metal
+units: {length: um, force: mN}
+body: {shape: cylinder, radius: 6.0, height: 6.0}
+material: {model: hencky, E: 70.0, nu: 0.3, plasticity: {yield_stress: 0.28}}
+indenter: {shape: cone, half_angle: 70.3}
+loading: {delta: 0.5, steps: 4, unload: {to: 0, rows: 6}}
+mesh: {h_contact: 0.3}
+"""
+
+
+def test_the_loop_of_a_metal(run: Run) -> None:
+    """The truth is that of the columns of a body that yields; pictures show loop and imprint."""
+    Path("metal.yaml").write_text(METAL_SCENE)
+    assert run("run", "metal.yaml", "--output", "metal").exit_code == 0
+    shown = json.loads(run("hardness", "metal", "--json").stdout)
+    with open("metal/force_indentation.csv", newline="") as stream:
+        table = list(csv.DictReader(stream))
+    top = table[3]
+    assert "area" not in top and "stiffness" not in top
+    truth = {name: entry["value"] for name, entry in shown["truth"].items()}
+    assert truth["A_p"] == pytest.approx(float(top["contact_area"]))
+    assert truth["S"] == pytest.approx(float(top["unloading_stiffness"]))
+    assert truth["H_IT"] == pytest.approx(float(top["hardness"]))
+    assert truth["E_IT"] == 70.0
+    # A metal without hardening piles up: the area by the formula is too small.
+    assert shown["values"]["h_p"] == pytest.approx(float(table[-1]["residual_depth"]))
+    assert shown["truth"]["A_p"]["ratio"] < 0.9 < 1.1 < shown["truth"]["H_IT"]["ratio"]
+    assert "the contact area" in shown["formula_error"]
+    assert "% too small" in shown["formula_error"]
+    assert shown["formula_error"] in run("hardness", "metal").stdout
+    drawn = run("plot", "metal", "--what", "hardness,profile,force", "--output", "metal.png")
+    assert drawn.exit_code == 0 and Path("metal.png").stat().st_size > 10_000
+
+
+def test_an_elastic_body_has_no_panel_of_hardness(run: Run) -> None:
+    elastic = METAL_SCENE.replace(", plasticity: {yield_stress: 0.28}", "")
+    Path("elastic.yaml").write_text(elastic)
+    assert run("run", "elastic.yaml", "--output", "elastic").exit_code == 0
+    done = run("plot", "elastic", "--what", "hardness")
+    assert done.exit_code == 2 and "its body does not yield" in done.stderr

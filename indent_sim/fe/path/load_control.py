@@ -129,6 +129,11 @@ class LoadControl:
         self.failure = f"{MAX_TRIES} trial depths did not reach this force"
         return False
 
+    def forget_curve(self) -> None:
+        """Forget the known points of the curve, and its slope."""
+        self._curve = []
+        self._slope = 0.0
+
     def add_curve_point(self, force: float, delta: float) -> None:
         """Add a point of the force-depth curve, unless a point with this force is known."""
         is_known = any(
@@ -196,8 +201,8 @@ class LoadControl:
     ) -> bool:
         """Return whether no further trial depth can succeed.
 
-        `failure` then contains the reason. It is empty if a trial depth has no equilibrium: the
-        equilibrium has its own reason.
+        `failure` then contains the reason. It stays empty if the solution at a trial depth failed,
+        since the solver reports that reason itself.
         """
         reached_force, reached_depth = last_point
         is_blocked_out = (

@@ -10,7 +10,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import inf
+from math import ceil, inf
 from typing import Any
 
 import numpy as np
@@ -33,7 +33,7 @@ from indent_sim.fe.path.pull_off import (
 from indent_sim.fe.path.step_size_control import StepSizeControl
 from indent_sim.fe.postprocessing.contact_sample import smallest_gap
 from indent_sim.fe.postprocessing.surface_table import surface_table
-from indent_sim.model.load_path import LoadPath
+from indent_sim.model.load_path import LoadPath, Unloading
 from indent_sim.model.state import PullOff, State
 
 # Largest number of halvings of a time step in which the depth of a prescribed force is not found.
@@ -95,6 +95,8 @@ class LoadStepper:
         self._substeps = 0
         self._cuts = 0
         self._search_slide = 0.0  # slide at which the depth of a force is searched for
+        # Number of increments to each trial depth of a search; 0 if there is no search
+        self._search_increments = 0
         self._search_time = 0.0  # time at which the depth of a force is searched for
         # Change of the depth of first contact in the last increment, for a body that changes in
         # time
@@ -118,8 +120,9 @@ class LoadStepper:
         always_tried_step = inf
         if scene.physics.gap == "current":
             # The gap at the deformed point is nonlinear in u, so that a longer increment may end in
-            # another solution.
-            longest_step = 0.25 * scene.plan.prediction["a"] / scene.physics.scales.length
+            # another solution. In a body that yields long increments also make the force too small.
+            fraction = 0.14 if scene.physics.yields else 0.25
+            longest_step = fraction * scene.plan.prediction["a"] / scene.physics.scales.length
         if self._adhesion_range:
             longest_step = min(longest_step, LONGEST_STEP_RANGES * self._adhesion_range)
             always_tried_step = SNAP_STEP_RANGES / 4 * self._adhesion_range
@@ -171,9 +174,9 @@ class LoadStepper:
 
     @property
     def points(self) -> list[tuple[float, float, list[np.ndarray]]]:
-        """Depth, time and packed arrays of the last equilibria, which a checkpoint stores.
+        """Depth, time and packed state arrays of the last equilibria, as stored in a checkpoint.
 
-        For a path-dependent body they end with the equilibrium of the last row.
+        For a path-dependent body the last of them is that of the last row of the results.
         """
         points = self._row_points if self._has_memory else self._points
         packed = [
@@ -409,11 +412,18 @@ class LoadStepper:
             if self._adhesion_range:
                 self._search_points = self._points
                 self._load_control.measure_pull_at_contact()
+        depths = list(path.values[:done])
+        unloading = path.unloading
+        if unloading and not body.scene.physics.searches_unloading_depths:
+            unloading = None
         for step, value in enumerate(path.values[done:], start=done + 1):
             statistics_before = body.statistics
             substeps = 0
-            slides = path.segment_slides(step)
-            for (depth, t), slide in zip(path.segment(step), slides, strict=True):
+            goes_back = unloading is not None and step > unloading.start
+            if unloading is not None and goes_back:
+                substeps = self._step_back(unloading, step, depths)
+            points = zip(path.segment(step), path.segment_slides(step), strict=True)
+            for (depth, t), slide in () if goes_back else points:
                 if substeps:  # the last equilibrium is a load point between two rows
                     self._record_unloading_point()
                 segment_substeps = (
@@ -453,7 +463,88 @@ class LoadStepper:
                 values["x"] = path.slide(step)
             if path.times:
                 values |= {"t": path.times[step - 1], "branch": path.branches[step - 1]}
-            yield State(step=step, delta=self._last_point.delta, surface=surface, **values)
+            depths.append(self._last_point.delta)
+            yield State(step=step, delta=depths[-1], surface=surface, **values)
+
+    def _step_back(self, unloading: Unloading, step: int, depths: Sequence[float]) -> int:
+        """Step to the next row of unloading of a body that yields; return the increments made.
+
+        The rows divide the depth that the body recovers into equal parts. This depth is searched
+        for before the first row, and again before the last one, since the reverse flow of the rows
+        between them changes it. If the tip has let go before, the remaining rows are placed anew.
+
+        Parameters
+        ----------
+        unloading
+            The rows of unloading.
+        step
+            Number of the row, from 1.
+        depths
+            Depths of the earlier rows [length].
+
+        Returns
+        -------
+        int
+            0 if the row was not reached.
+        """
+        rows_left = unloading.last - step + 1
+        row_depth = self._last_point.delta
+        end = (
+            self._end_of_unloading(unloading.to)
+            if rows_left in (1, unloading.rows)
+            else row_depth - rows_left * (depths[-2] - row_depth)
+        )
+        substeps = 0
+        # The rows are placed once more where the tip has let go too early.
+        for _ in range(2):
+            if end is None:
+                return 0
+            substeps = self._step_to(LoadPoint(row_depth - (row_depth - end) / rows_left))
+            if not substeps or rows_left == 1 or self.equilibrium.force > 0:
+                break
+            self._return_to(self._row_points)
+            end = self._end_of_unloading(unloading.to)
+        return substeps
+
+    def _end_of_unloading(self, to: float) -> float | None:
+        """Return the depth at which unloading from the last row ends; None if it is not found.
+
+        The tip is lifted until it lets go of the body. Since the body then is at rest, the depth at
+        which the force has become zero is that of the tip plus the smallest gap. Afterwards the
+        body is returned to the last row.
+
+        Parameters
+        ----------
+        to
+            Depth at which unloading ends at the latest [length].
+        """
+        self._accept_pending()
+        row_points = self._points
+        physics = self.equilibrium.scene.physics
+        depth = self._last_point.delta
+        lift_factor = 1.0
+        while self.equilibrium.force > 0 and depth > to:
+            # An elastic contact of the stiffness S = 2 E* a recovers at most 2 F/S.
+            a = float(self.equilibrium.state_values()["a"])
+            stiffness = physics.material.E_star * a ** (physics.scales.dim - 2)
+            depth = max(to, depth - lift_factor * self.equilibrium.force / stiffness)
+            lift_factor *= 2
+            if not self._step_to(LoadPoint(depth)):
+                self._return_to(row_points)
+                return None
+        # The tip stops just above the body, so that the force is zero.
+        gap_fraction = 1 - 1e-6
+        end = to
+        if self.equilibrium.force <= 0:
+            end = max(to, depth + gap_fraction * smallest_gap(self.equilibrium.observed_body))
+        self._return_to(row_points)
+        return end
+
+    def _return_to(self, points: list[EquilibriumPoint]) -> None:
+        """Return to the last one of these equilibria, without a trace of later increments."""
+        self._points = points
+        self._pending_point = None
+        self.restore_last()
 
     def _step_to_force(
         self,
@@ -505,7 +596,11 @@ class LoadStepper:
             physics.is_time_dependent and t > 0
         )
         if t == self._last_point.load_point.t and is_same_curve:
-            is_found = self._load_control.find_depth(force, expected)
+            is_found = (
+                self._find_depth_of_yielding_body(force, expected)
+                if physics.yields
+                else self._load_control.find_depth(force, expected)
+            )
             return self._substeps - substeps if is_found else 0
         delta = self._last_point.delta or expected
         a = self.equilibrium.scene.plan.prediction["a"] / physics.scales.length
@@ -518,6 +613,45 @@ class LoadStepper:
             if self.equilibrium.is_seal_consistent():
                 break
         return self._substeps - substeps
+
+    def _find_depth_of_yielding_body(self, force: float, expected: float) -> bool:
+        """Find the depth of a force from the last row of a body that yields; True if found.
+
+        Loading and unloading are different curves, which both begin at the last row. The force
+        jumps at a depth from which on there is one more increment. A force within this jump is
+        searched for again, with the same number of increments to every trial depth.
+
+        Parameters
+        ----------
+        force
+            Prescribed force [force]; 0: the tip just lets go.
+        expected
+            Expected depth of the first row [length].
+        """
+        row = self._last_point
+        row_force = self.equilibrium.force
+        if force == 0:
+            end = self._end_of_unloading(0.0)
+            return end is not None and self._step_to_depth(end)[1] == end
+        physics = self.equilibrium.scene.physics
+        a = self.equilibrium.scene.plan.prediction["a"] / physics.scales.length
+        a = float(self.equilibrium.state_values()["a"]) or a
+        stiffness = 2 * physics.material.E_star * a ** (physics.scales.dim - 2)
+        # A body that flows is softer than its elastic contact, so that the first trial falls short.
+        delta = row.delta + (force - row_force) / stiffness if row.delta > 0 else expected
+        self._load_control.forget_curve()
+        if self._load_control.find_by_secant(force, delta, stiffness):
+            return True
+        if not self._load_control.failure:
+            return False
+        delta = self._force_and_depth[1]
+        self._search_increments = ceil(
+            abs(delta - row.delta) / self._create_step_control().max_step
+        )
+        self._load_control.forget_curve()
+        is_found = self._load_control.find_by_secant(force, delta, stiffness)
+        self._search_increments = 0
+        return is_found
 
     def _find_first_contact(self) -> bool:
         """Find the depth at which the tip just touches a body that changes in time; True if found.
@@ -555,9 +689,7 @@ class LoadStepper:
         For a path-dependent body the stepping starts at the last row.
         """
         if self._has_memory:
-            self._points = self._search_points
-            self._pending_point = None
-            self.restore_last()
+            self._return_to(self._search_points)
         self._substeps += self._step_to(LoadPoint(delta, self._search_time, self._search_slide))
         return self._force_and_depth
 
@@ -599,6 +731,9 @@ class LoadStepper:
             # The step size control is created anew for each target, so that a resumed path has
             # the same increments
             self._step_control = self._create_step_control(segment)
+            if self._search_increments:
+                distance = abs(segment.end.delta - segment.begin.delta)
+                self._step_control = StepSizeControl(distance / self._search_increments, -inf)
             if (threshold := self._attraction_threshold(target_point)) is not None:
                 return (
                     (substeps_before := self._step_to(threshold))
@@ -630,7 +765,7 @@ class LoadStepper:
         """Return the load point before the target at which the tip begins to act on the body.
 
         It is first contact, or for an adhesive tip the depth at which the attraction begins. None
-        if this depth is not passed, or if time passes before the target.
+        if this depth is not passed, or if the target is at a later time than the present state.
         """
         attraction_depth = self._start_point.delta
         last_depth = self._last_point.delta

@@ -178,6 +178,10 @@ def gap_of_displacement(
     def horizontal_position(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         return physics.domain.kinematics.horizontal_position(components_first(x), body.tip_center)
 
+    if physics.gap == "current" and physics.indenter.elastic_part:
+        r, _ = horizontal_position(X + u)
+        tip_height = physics.indenter.height(r, 0.0 * r) + body.tip_displacement(r)
+        return tip_height - body.depth - X[..., -1] - u[..., -1]
     if physics.gap == "current":
         x, y = horizontal_position(X + u)
         return gap_current(physics.indenter, x, y, X[..., -1] + u[..., -1], body.depth)

@@ -29,14 +29,15 @@ class Fields:
       them, a vertex on an interface has one row for each adjacent region in all vertex fields, in
       the order of `mesh.grid.split_at_interfaces`.
 
-    At the centroids of cells:
+    At the centroids of cells, in regions that yield means over the cells:
 
     * `stress` (cells, 3, 3), the total Cauchy stress [pressure], `von_mises` (cells,) and
       `principal_stresses` (cells, 3), the largest first;
     * `energy_density` (cells,) of the drained law per undeformed volume [pressure];
     * `J` (cells,), det(I + grad u);
     * `fluid_content` (cells,) per undeformed volume, with pore fluid;
-    * `swelling` (cells,), the volume ratio from the dry state, with a gel.
+    * `swelling` (cells,), the volume ratio from the dry state, with a gel;
+    * `plastic_strain` (cells,), the equivalent plastic strain, in a body that yields.
 
     Parameters
     ----------
@@ -67,23 +68,29 @@ class Fields:
         return (
             *(name for name, term in kinds.items() if term is not None),
             *(["swelling"] if gels else []),
+            *(["plastic_strain"] if self.body.scene.physics.yields else []),
             *nodal,
         )
 
     @cached_property
-    def _expressions(self) -> list[tuple[fem.Expression, np.ndarray]]:
-        centroid = np.full((1, self.body.body_mesh.dim), 1 / (self.body.body_mesh.dim + 1))
-        return [
-            (compile_expression(ufl.as_vector(self._cell_expressions(s)), centroid), s.cells)
-            for s in self.body.strain_energies
-        ]
+    def _expressions(self) -> list[tuple[fem.Expression, np.ndarray, np.ndarray]]:
+        """Expression of the values of each region, weights of its points, and cells."""
+        expressions = []
+        for strain in self.body.strain_energies:
+            sample = strain.cell_sample
+            values = ufl.as_vector(self._cell_expressions(strain, sample))
+            expression = compile_expression(values, sample.points)
+            expressions.append((expression, sample.weights, strain.cells))
+        return expressions
 
-    def _cell_expressions(self, strain: Any) -> list[Any]:
-        """Stress components, J, psi and, with pore fluid, the fluid content, as UFL scalars."""
-        stress = total_stress(self.body, strain)
+    def _cell_expressions(self, strain: Any, sample: Any) -> list[Any]:
+        """Stress, J, psi and, with pore fluid or yield, its content or strain, as UFL scalars."""
         fluid = self.body.fluid
+        stress = sample.stress if fluid is None else total_stress(self.body, strain)
         content = [] if fluid is None else [fluid.content_in(strain.region)]
-        return [*(stress[i, j] for i, j in np.ndindex(3, 3)), strain.J, strain.psi, *content]
+        plastic_strain = [] if sample.plastic_strain is None else [sample.plastic_strain]
+        components = [stress[i, j] for i, j in np.ndindex(3, 3)]
+        return [*components, strain.J, sample.psi, *content, *plastic_strain]
 
     def gather(self) -> dict[str, np.ndarray] | None:
         """Gather the fields on rank 0; None on other ranks (collective)."""
@@ -108,10 +115,14 @@ class Fields:
         nodes, u, touched_nodes, surface_tractions, cells, cell_values = (
             np.concatenate(column) for column in zip(*parts, strict=True)
         )
-        stress, cell_scalars = np.split(_sort_to_grid(cells, cell_values), [9], axis=1)
+        # The grid is that of the body, which comes before a soft tip on the same mesh.
+        counts = self.body.body_mesh.body_counts or (mesh.topology.index_map(0).size_global, None)
+        point_count, cell_count = counts
+        stress, cell_scalars = np.split(_sort_to_grid(cells, cell_values)[:cell_count], [9], axis=1)
+        # A body with pore fluid does not yield
+        last_name = "plastic_strain" if self.body.scene.physics.yields else "fluid_content"
         # Midpoints of curved cells come after the vertices
         dim = self.body.body_mesh.dim
-        point_count = mesh.topology.index_map(0).size_global
         displacement, fluid = np.split(_sort_to_grid(nodes, u)[:point_count], [dim], axis=1)
         tractions = [
             _nodal_means(touched_nodes, column, len(displacement)) for column in surface_tractions.T
@@ -130,7 +141,7 @@ class Fields:
             **_stress_fields(stress.reshape(-1, 3, 3)),
             **dict(
                 zip(
-                    ("swelling", "J", "energy_density", "fluid_content"),
+                    ("swelling", "J", "energy_density", last_name),
                     cell_scalars.T,
                     strict=False,
                 )
@@ -181,21 +192,19 @@ class Fields:
         return node[body.trace.nodes[:, :dim]].ravel(), tractions.reshape(-1, tractions.shape[-1])
 
     def _cell_values(self) -> np.ndarray:
-        """Stress, swelling, J, psi and, with pore fluid, fluid content (cells, 12 or 13)."""
-        width = 11 + (self.body.fluid is not None)
+        """Stress, swelling, J, psi; with fluid its content, with yield alpha (cells, 12 or 13)."""
+        width = 11 + (self.body.fluid is not None) + self.body.scene.physics.yields
         values = np.zeros((len(self.body.mesh.topology.original_cell_index), 1 + width))
-        for (expression, cells), strain in zip(
+        for (expression, weights, cells), strain in zip(
             self._expressions, self.body.strain_energies, strict=True
         ):
-            values_of_region = compat.evaluate_expression(
-                expression, self.body.mesh, cells
-            ).reshape(-1, width)
-            values[cells] = np.insert(
-                values_of_region,
-                9,
-                strain.region.material.swelling_ratio(values_of_region[:, 9]),
-                axis=1,
+            values_at_points = compat.evaluate_expression(expression, self.body.mesh, cells)
+            values_of_region = np.einsum(
+                "p,cpv->cv", weights, values_at_points.reshape(len(cells), len(weights), -1)
             )
+            swelling = strain.region.material.swelling_ratio(values_of_region[:, 9])
+            values_with_swelling = np.insert(values_of_region, 9, swelling, axis=1)
+            values[cells, : values_with_swelling.shape[1]] = values_with_swelling
         return values
 
 

@@ -82,6 +82,8 @@ def contact_values(body: ObservedBody, force: float) -> dict[str, float]:
     size = contact_area_within_step(body, lattice_points, trial_pressure, size, force)
     if body.depth <= 0 and not _may_touch_unindented(body, sample.pressure):
         size = 0.0  # the computed contact is round-off
+    if force <= 0 and body.scene.physics.yields:
+        size = 0.0  # the imprint touches at most between the points of the contact
     a = body.scene.physics.domain.kinematics.contact_radius(size)
     pressure = (
         _peak_of_facet_means(

@@ -25,9 +25,11 @@ from indent_sim.fe.solve.newton import Newton, finest_tolerance
 from indent_sim.fe.solve.solved_body import SolvedBody
 from indent_sim.fe.solve.stiffness_continuation import approach_factors
 from indent_sim.fe.terms.contact.multiplier import stiffness_scale
+from indent_sim.fe.terms.contact.soft_tip_contact import SoftTipContact
 from indent_sim.fe.terms.contact.traction import Traction
 from indent_sim.fe.terms.scene_terms import bulk_terms, contact_terms
 from indent_sim.fe.terms.time_integration import Stage
+from indent_sim.mesh.two_bodies import TIP_PREFIX
 from indent_sim.model.load_path import LoadPath
 from indent_sim.model.tips import pass_through_depth
 
@@ -256,6 +258,10 @@ class BodyEquilibrium:
             return "Newton's method converged to an unstable equilibrium"
         if self.scene.physics.gap == "reference":
             return ""
+        if isinstance(self.contact_terms.pressure, SoftTipContact) and (
+            reason := self.contact_terms.pressure.impossibility()
+        ):
+            return reason
         if penetration.penetration(self.observed_body) > self._deepest_penetration:
             return "Newton's method converged with the tip inside the body"
         if (
@@ -353,7 +359,7 @@ class BodyEquilibrium:
         if trial_pressure is not None:
             # The multiplier is corrected where extrapolated fields and extrapolated trial pressure
             # disagree about contact
-            assert isinstance(self.contact_terms.pressure, Traction)
+            assert isinstance(self.contact_terms.pressure, Traction | SoftTipContact)
             lam, gap = self._nodal_contact()
             stiffness = stiffness_scale(self.scene)
             is_consistent = (lam > stiffness * gap) == (trial_pressure > 0)
@@ -411,6 +417,13 @@ class BodyEquilibrium:
         energy = nan if self.scene.physics.relaxing_regions else self.problem.energy()
         values: dict[str, Any] = {"force": self.force, "energy": energy}
         support_reactions, values["stray_reaction"] = self.problem.reactions()
+        if isinstance(self.contact_terms.pressure, SoftTipContact):
+            values |= self._soft_tip_values()
+            support_reactions = {
+                support: force
+                for support, force in support_reactions.items()
+                if not support[0].startswith(TIP_PREFIX)
+            }
         values |= state_reactions(self.scene.physics.domain, support_reactions)
         values |= lateral_imbalance(self.scene, support_reactions, self._push_along_slide())
         for name, axis in self.scene.physics.side_force_axes.items():
@@ -428,6 +441,13 @@ class BodyEquilibrium:
         if self.scene.physics.is_swelling and values["a"] == 0:
             values["clearance"] = contact_sample.smallest_gap(self.observed_body)
         return values
+
+    def _soft_tip_values(self) -> dict[str, float]:
+        """Return sink and energy of a soft tip by the names of State's fields."""
+        return {
+            "tip_sink": float(self.observed_body.tip_displacement(np.zeros(1))[0]),
+            "tip_energy": self.problem.sum_over_body(self.bulk_terms.strain_energies[-1].value()),
+        }
 
     def _push_along_slide(self) -> float:
         """Horizontal force of the body on the tip along its slide [force]; 0 without a slide.

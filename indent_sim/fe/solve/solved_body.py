@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from indent_sim.fe.discrete_body import Body
 from indent_sim.fe.postprocessing.whole_body import WholeBody
+from indent_sim.fe.terms.contact.soft_tip_contact import SoftTipContact
 from indent_sim.fe.terms.scene_terms import BulkTerms, ContactTerms
+from indent_sim.model.tips import max_radius
 
 
 class SolvedBody(WholeBody):
@@ -15,6 +19,7 @@ class SolvedBody(WholeBody):
         self.multiplier_at = contact.pressure.multiplier_at
         self.pressure_at = contact.pressure.pressure_at
         self._body = body
+        self._contact = contact.pressure
 
     @property
     def tip_center(self) -> tuple[float, ...]:
@@ -25,6 +30,20 @@ class SolvedBody(WholeBody):
     def depth(self) -> float:
         """Indentation depth delta [length]."""
         return float(self._body.now.delta.value)
+
+    def tip_displacement(self, r: np.ndarray) -> np.ndarray:
+        """Return the height of a soft tip's deformed surface above the undeformed one [length].
+
+        Both are taken at the same radii r [length]; 0 for a rigid tip. Beyond the meshed part of
+        the surface it is that at its end.
+        """
+        if not isinstance(self._contact, SoftTipContact):
+            return 0.0 * r
+        indenter = self.scene.physics.indenter
+        end = min(self._contact.end_radius, 0.99 * max_radius(indenter))
+        inside = np.minimum(np.abs(r), end)
+        height = self._contact.surface_at(inside.ravel()).height.reshape(r.shape)
+        return height - np.asarray(indenter.height(inside, 0.0 * inside))
 
     def inverted_size(self) -> float:
         """Return the size [length] of the region in which J < 0 (collective)."""

@@ -11,8 +11,9 @@ so that the tangent is symmetric and consistent with the increment for every har
 strain e = sym H - eps_p; at finite strain e = ln(b)/2 with b = F C_p^-1 F^T. The volume change is
 elastic.
 
-Internal variables at the quadrature points are eps_p, or G = C_p^-1 - 1, and the equivalent plastic
-strain alpha; all are zero in the undeformed body. They follow from the converged state in closed
+Internal variables at the quadrature points are eps_p, or G = C_p^-1 - 1, the equivalent plastic
+strain alpha and, with creep, the work per volume of the overstress; all are zero in the undeformed
+body. They follow from the converged state in closed
 form: the radial return shortens the deviator of the logarithmic elastic strain by 3 mu d/q. Source:
 Weber & Anand (1990), Comput. Methods Appl. Mech. Eng. 79, 173; Simo (1992), ibid. 99, 61.
 """
@@ -35,7 +36,7 @@ from indent_sim.fe.terms.quadrature_field import (
     QuadratureField,
     symmetric_tensor,
 )
-from indent_sim.fe.terms.strain_energy import StrainEnergy
+from indent_sim.fe.terms.strain_energy import CellSample, StrainEnergy
 from indent_sim.fe.terms.time_integration import Stage
 from indent_sim.fe.terms.variation import variations
 from indent_sim.fe.unknowns import TimeLevel
@@ -60,6 +61,8 @@ class _Increment(NamedTuple):
         Isochoric part of the stored energy density [pressure].
     alpha : Expr
         Equivalent plastic strain at the end of the increment.
+    viscous_work : Expr
+        Work per volume of the overstress in the increment [pressure].
     """
 
     scalars: list[Expr]
@@ -68,6 +71,7 @@ class _Increment(NamedTuple):
     curvature: Expr
     stored: Expr
     alpha: Expr
+    viscous_work: Expr
 
 
 class PlasticStrainEnergy(StrainEnergy):
@@ -85,8 +89,12 @@ class PlasticStrainEnergy(StrainEnergy):
 
     def __init__(self, body: Body, region: Region):
         pairs = TENSOR_COMPONENTS[body.body_mesh.dim]
-        self._state = QuadratureField(body, len(pairs) + 1)
+        plasticity = region.material.plasticity
+        assert plasticity
+        self._state = QuadratureField(body, len(pairs) + (2 if plasticity.creep else 1))
+        self._alpha_index = len(pairs)
         self._yield_switch = fem.Constant(body.mesh, 1.0)
+        self._dt = fem.Constant(body.mesh, 0.0)
         self.history = (self._state.function,)
         super().__init__(body, region)
         self.has_constant_tangent = False
@@ -115,7 +123,7 @@ class PlasticStrainEnergy(StrainEnergy):
         """Return the increment of load from an accepted state to the displacement gradient H."""
         dim = self.body.body_mesh.dim
         plastic_tensor = symmetric_tensor(state, dim)
-        alpha = state[len(TENSOR_COMPONENTS[dim])]
+        alpha = state[self._alpha_index]
         material = self._law
         if material.is_small_strain:
             deviator = ufl.dev(ufl.sym(H) - plastic_tensor)
@@ -133,12 +141,12 @@ class PlasticStrainEnergy(StrainEnergy):
         plasticity = material.plasticity
         assert plasticity
         q = mu * ufl.sqrt(6 * maximum(X, 0.0 * X))
-        d = self._yield_switch * plasticity.strain_increment(q, alpha, mu, E)
+        flow = plasticity.flow_increment(q, alpha, mu, E, self._dt)
+        d = self._yield_switch * flow.strain
         # Where d > 0, q is at least the yield stress, so that this bound changes nothing there.
         safe_q = maximum(q, plasticity.yield_stress)
         reduction = 3 * mu * d / safe_q
-        inverse_slope = 1 / (3 * mu + plasticity.hardening_modulus(alpha + d, E))
-        curvature = -9 * mu**4 / safe_q**2 * (inverse_slope - d / safe_q)
+        curvature = -9 * mu**4 / safe_q**2 * (flow.compliance - d / safe_q)
         return _Increment(
             scalars,
             X,
@@ -146,11 +154,16 @@ class PlasticStrainEnergy(StrainEnergy):
             where_less(0.0 * d, d, curvature, 0.0 * d),
             mu * X * (1 - reduction) ** 2,
             alpha + d,
+            self._yield_switch * flow.viscous_work,
         )
 
     def _stress_of(self, potential: Expr, H: Expr) -> Expr:
         """Return the stress dW/dH; it is not the derivative of the stored energy alone."""
-        scalars, X, slope, *_ = self._mean_increment
+        return self._stress_of_increment(self._mean_increment, H)
+
+    def _stress_of_increment(self, increment: _Increment, H: Expr) -> Expr:
+        """Return the first Piola-Kirchhoff stress (3, 3) of an increment [pressure]."""
+        scalars, X, slope, *_ = increment
         # The chain rule is used because the direct derivative takes minutes to compile.
         isochoric = sum(ufl.diff(X, s) * ufl.diff(s, H) for s in scalars)
         return slope * isochoric + ufl.diff(self._volume, H)
@@ -183,7 +196,8 @@ class PlasticStrainEnergy(StrainEnergy):
         return slope * dX, curvature * dX * DX + slope * DdX
 
     def begin_stage(self, stage: Stage) -> None:
-        """Update the cell means of the accepted state."""
+        """Set the duration of the increment, and update the cell means of the accepted state."""
+        self._dt.value = stage.dt
         self._state.update_means(self.cells)
 
     def hold_plastic_flow(self, *, is_held: bool) -> None:
@@ -194,15 +208,28 @@ class PlasticStrainEnergy(StrainEnergy):
     def _plastic_work_form(self) -> fem.Form:
         assert self._law.plasticity
         work = self._law.plasticity.plastic_work(self._increment.alpha, self._law.E)
+        if self._law.plasticity.creep:
+            work += self._state.function[self._alpha_index + 1] + self._increment.viscous_work
         return compile_form(self.body.region_integral(work, self.region))
 
     def plastic_dissipation(self) -> float:
         """Energy dissipated by plastic flow since the undeformed state, this rank's part."""
         return float(fem.assemble_scalar(self._plastic_work_form).real)
 
-    def plastic_strain(self) -> np.ndarray:
-        """Return the mean equivalent plastic strain (cells,) of each cell of `cells`."""
-        return self._state.values(self.cells)[..., -1].mean(axis=1)
+    @property
+    def cell_sample(self) -> CellSample:
+        """The fields that stand for a cell: means over its quadrature points.
+
+        The mean internal variables of a cell and the strain at its centroid give a stress that is
+        off the yield surface by up to the variation of both in the cell.
+        """
+        stress = self._stress_of_increment(self._increment, self._H)
+        if not self.region.material.is_small_strain:
+            F = ufl.Identity(3) + self._H
+            stress = stress * F.T / ufl.det(F)
+        psi = self._increment.stored + self._volume
+        alpha = self._increment.alpha
+        return CellSample(self._state.points, self._state.weights, stress, psi, alpha)
 
     @cached_property
     def _gradient_expression(self) -> fem.Expression:
@@ -221,14 +248,39 @@ class PlasticStrainEnergy(StrainEnergy):
         tensor = np.zeros((len(rows), 3, 3))
         for k, (i, j) in enumerate(pairs):
             tensor[:, i, j] = tensor[:, j, i] = rows[:, k]
-        new_tensor, alpha = accepted_state(self.region.material, H, tensor, rows[:, -1])
-        columns = [new_tensor[:, i, j] for i, j in pairs]
-        self._state.set_values(self.cells, np.stack([*columns, alpha], axis=1).reshape(state.shape))
+        accepted = accepted_state(
+            self.region.material, H, tensor, rows[:, self._alpha_index], float(self._dt.value)
+        )
+        columns = [accepted.tensor[:, i, j] for i, j in pairs]
+        columns.append(accepted.alpha)
+        if state.shape[-1] > len(columns):
+            columns.append(rows[:, self._alpha_index + 1] + accepted.viscous_work)
+        self._state.set_values(self.cells, np.stack(columns, axis=1).reshape(state.shape))
+        # Until the next increment begins, no time passes.
+        self._dt.value = 0.0
+
+
+class AcceptedState(NamedTuple):
+    """Internal variables at the end of an increment, and the work of the overstress in it.
+
+    Attributes
+    ----------
+    tensor : ndarray, (n, 3, 3)
+        eps_p at small strain, else C_p^-1 - 1.
+    alpha : ndarray, (n,)
+        Equivalent plastic strain.
+    viscous_work : ndarray, (n,)
+        Work per volume of the overstress in the increment [pressure].
+    """
+
+    tensor: np.ndarray
+    alpha: np.ndarray
+    viscous_work: np.ndarray
 
 
 def accepted_state(
-    material: Material, H: np.ndarray, tensor: np.ndarray, alpha: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+    material: Material, H: np.ndarray, tensor: np.ndarray, alpha: np.ndarray, dt: float = 0.0
+) -> AcceptedState:
     """Return the internal variables at the end of an increment.
 
     Parameters
@@ -241,6 +293,8 @@ def accepted_state(
         eps_p at small strain, else C_p^-1 - 1, at its beginning.
     alpha : ndarray, (n,)
         Equivalent plastic strain at its beginning.
+    dt : float
+        Duration of the increment [time].
     """
     assert isinstance(material, YieldingLaw) and material.plasticity and material.E
     transposed = np.swapaxes(H, 1, 2)
@@ -255,7 +309,8 @@ def accepted_state(
     deviator = logs - logs.mean(axis=1, keepdims=True)
     mu = material.shear_modulus
     q = mu * np.sqrt(6 * (deviator**2).sum(axis=1))
-    d = material.plasticity.strain_increment(q, alpha, mu, material.E)
+    increment = material.plasticity.flow_increment(q, alpha, mu, material.E, dt)
+    d = increment.strain
     has_yielded = d > 0
     flow = (3 * mu * d / np.where(has_yielded, q, 1.0))[:, None] * deviator
     axes_transposed = np.swapaxes(axes, 1, 2)
@@ -265,4 +320,6 @@ def accepted_state(
         elastic_growth = (axes * np.expm1(2 * (logs - flow))[:, None, :]) @ axes_transposed
         inverse = np.linalg.inv(F)
         new_tensor = inverse @ (elastic_growth - growth) @ np.swapaxes(inverse, 1, 2)
-    return np.where(has_yielded[:, None, None], new_tensor, tensor), alpha + d
+    return AcceptedState(
+        np.where(has_yielded[:, None, None], new_tensor, tensor), alpha + d, increment.viscous_work
+    )

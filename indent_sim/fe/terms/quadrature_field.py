@@ -52,6 +52,12 @@ class QuadratureField:
         self._dofs = compat.cell_dofs(space.dofmap)
         self._mean_dofs = compat.cell_dofs(means.dofmap)[:, 0]
 
+    @property
+    def weights(self) -> np.ndarray:
+        """Weights (n,) of the quadrature points, divided by their sum."""
+        weights = np.asarray(self._weights)
+        return weights / weights.sum()
+
     def values(self, cells: np.ndarray) -> np.ndarray:
         """Return the values (cells, points, width) in the given cells."""
         values: np.ndarray = self.function.x.array.reshape(-1, self.width)[self._dofs[cells]]

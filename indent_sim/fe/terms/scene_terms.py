@@ -10,6 +10,7 @@ from indent_sim.fe.terms import flow
 from indent_sim.fe.terms.contact import active_set, friction, traction
 from indent_sim.fe.terms.contact.active_set import NodalContact
 from indent_sim.fe.terms.contact.friction import Friction
+from indent_sim.fe.terms.contact.soft_tip_contact import SoftTipContact
 from indent_sim.fe.terms.contact.traction import Traction
 from indent_sim.fe.terms.contact.viscous_regularization import ViscousRegularization
 from indent_sim.fe.terms.contact_seal import ContactSeal
@@ -22,6 +23,7 @@ from indent_sim.fe.terms.viscoelasticity import ViscoelasticStrainEnergy
 from indent_sim.fe.terms.weak_roller import WeakRollerBC
 from indent_sim.fe.unknowns import Field
 from indent_sim.mesh.model_domain import Region
+from indent_sim.mesh.two_bodies import TwoBodyDomain
 from indent_sim.scene.scene import Scene
 
 
@@ -69,15 +71,15 @@ class ContactTerms:
 
     Attributes
     ----------
-    pressure : Traction or NodalContact
-        Contact pressure by the scene's contact method.
+    pressure : Traction, NodalContact or SoftTipContact
+        Contact pressure by the scene's contact method, or that between two meshed bodies.
     friction : Friction, optional
         Tangential traction.
     regularization : ViscousRegularization, optional
         Drag on the surface while it snaps to or from an adhesive tip.
     """
 
-    pressure: Traction | NodalContact
+    pressure: Traction | NodalContact | SoftTipContact
     friction: Friction | None = None
     regularization: ViscousRegularization | None = None
 
@@ -115,6 +117,8 @@ def contact_terms(body: Body, strain_energy: StrainEnergy) -> ContactTerms:
         Term of the region under the tip, whose stress Nitsche's method uses.
     """
     law = body.scene.physics.contact
+    if isinstance(body.scene.physics.domain, TwoBodyDomain):
+        return ContactTerms(SoftTipContact(body))
     if law.multiplier == "nodal":
         return ContactTerms(NodalContact(body))
     pressure = Traction(body, strain_energy)

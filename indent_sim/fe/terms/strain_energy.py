@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cached_property, reduce
+from typing import NamedTuple
 
 import numpy as np
 import ufl
@@ -37,6 +38,30 @@ def pressure_fields(scene: Scene) -> list[Field]:
     return [
         Field(name, DISPLACEMENT_ORDER - 1, domain=(region,), weight=E) for name, region in mixed
     ]
+
+
+class CellSample(NamedTuple):
+    """Fields of a region whose mean over points stands for a cell.
+
+    Attributes
+    ----------
+    points : ndarray, (points, dim)
+        Points of the reference cell.
+    weights : ndarray, (points,)
+        Weights of the points, whose sum is 1.
+    stress : Expr
+        Cauchy stress (3, 3) [pressure].
+    psi : Expr
+        Strain energy density [pressure].
+    plastic_strain : Expr or None
+        Equivalent plastic strain; None in a region that does not yield.
+    """
+
+    points: np.ndarray
+    weights: np.ndarray
+    stress: Expr
+    psi: Expr
+    plastic_strain: Expr | None = None
 
 
 class StrainEnergy(Term):
@@ -98,6 +123,13 @@ class StrainEnergy(Term):
         """Return the first Piola-Kirchhoff stress (3, 3) for the potential density at any point."""
         return ufl.diff(potential, H)
 
+    @property
+    def cell_sample(self) -> CellSample:
+        """The fields that stand for a cell: those at its centroid."""
+        dim = self.body.body_mesh.dim
+        centroid = np.full((1, dim), 1 / (dim + 1))
+        return CellSample(centroid, np.ones(1), self.stress, self.psi)
+
     @cached_property
     def cells(self) -> np.ndarray:
         """Cells (n,) of the region that this rank owns."""
@@ -124,6 +156,14 @@ class StrainEnergy(Term):
     def tangent(self, now: TimeLevel, before: TimeLevel, dt: fem.Constant) -> ufl.Form:
         """Second variation of the energy along `now.test` and `now.trial`, a UFL form."""
         return self.body.region_integral(variations(self._energy_density, now)[1], self.region)
+
+    @cached_property
+    def _energy_form(self) -> fem.Form:
+        return compile_form(self.energy)
+
+    def value(self) -> float:
+        """Strain energy of the region [energy], this rank's part in the model domain."""
+        return float(fem.assemble_scalar(self._energy_form))
 
     def find_inverted_elements(self) -> InvertedElements | None:
         """Find the smallest J = det F and the largest principal stretch (collective).

@@ -49,6 +49,8 @@ class Term:
         Whether the term has a membrane stiffness, see `set_membrane_stiffness`.
     has_flow : bool
         Whether a time step needs the two stages of SDIRK2.
+    couples_surfaces : bool
+        Whether `add_tangent` couples dofs that no cell shares, so that the matrix gains entries.
     tangent_version : int
         Number that changes whenever something other than the state changes the tangent.
     """
@@ -63,6 +65,7 @@ class Term:
     has_constant_tangent = False
     has_membrane = False
     has_flow = False
+    couples_surfaces = False
     tangent_version = 0
     # Factors of the contact stiffness, see `set_continuation_factor` and `scale_contact_stiffness`
     _continuation_factor = 1.0

@@ -271,7 +271,7 @@ def plan_elastic_run(config: Config, max_depth: float) -> PlannedRun:
     if config.contact.adhesion:
         raise ConfigError(
             "contact.adhesion",
-            "a fit needs adhesion in the JKR limit, without range",
+            "a fit needs adhesion in the JKR limit, without the key range",
             "give experiment.adhesion",
         )
     document = _elastic_document(config)

@@ -18,7 +18,6 @@ from functools import cached_property
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from indent_sim.config.scene_file import to_yaml
 from indent_sim.config.schema import Config
 from indent_sim.config.strict_yaml import key_path
 from indent_sim.fitting.forward_model.elastic_load_curve import (
@@ -26,7 +25,6 @@ from indent_sim.fitting.forward_model.elastic_load_curve import (
     ElasticLoadCurve,
     ElasticLoadCurveGrid,
     TabulatedLoadCurve,
-    plan_elastic_run,
 )
 from indent_sim.fitting.forward_model.measured_path_forces import (
     MeasuredPath,
@@ -34,18 +32,15 @@ from indent_sim.fitting.forward_model.measured_path_forces import (
     first_contact_time,
     needs_time_stepping,
 )
-from indent_sim.fitting.forward_model.parameter_grid import ForwardModelUnavailable
 from indent_sim.fitting.forward_model.parameters import (
     ADHESION_WORK_KEY,
     RETRACT_WORK_KEY,
     Parameter,
-    number_at,
     parameters_of,
     replace_numbers,
 )
 from indent_sim.process.errors import ConfigError
 from indent_sim.run.history_on_curve import relaxation_modulus
-from indent_sim.run.solvers.elastic_curve import is_self_similar
 
 # Key of the exponent of the depth by which an alternative model multiplies the force.
 FREE_EXPONENT_KEY = "exponent"
@@ -127,13 +122,6 @@ class ForwardModel:
         max_depth: float,
         measured_path: MeasuredPath | None = None,
     ):
-        yielding_key = next((key for key, law in config.materials() if law.plasticity), None)
-        if yielding_key:
-            raise ConfigError(
-                f"{yielding_key}.plasticity",
-                "a fit uses elastic load curves, which a body that yields does not have",
-                "leave it out, and fit the beginning of unloading",
-            )
         self.config = config
         self.varied_keys = tuple(varied_keys)
         self.max_depth = max_depth
@@ -159,6 +147,11 @@ class ForwardModel:
             )
         radius = self.elastic_curves.scene_curve.contact_radius
         self.parameters = tuple(_bound_height(parameter, radius) for parameter in self.parameters)
+
+    @property
+    def follows_loop(self) -> bool:
+        """True if the force of unloading differs from that of loading, as of a body that yields."""
+        return False
 
     @property
     def initial_coordinates(self) -> np.ndarray:
@@ -193,7 +186,7 @@ class ForwardModel:
 
     @property
     def effects(self) -> set[str]:
-        """Effects of the scene that an alternative model could add: adhesion, relaxation."""
+        """Effects that the scene has and an alternative model could add: adhesion, relaxation."""
         has_effect = {"adhesion": self.has_adhesion, "relaxation": self.is_time_dependent}
         return {name for name, is_present in has_effect.items() if is_present}
 
@@ -808,68 +801,3 @@ def _relaxation_subkey(key: str) -> tuple[str | int, ...]:
     """Return the part of a key after `relaxation`; it is the same for all materials."""
     path = key_path(key)
     return tuple(path[path.index("relaxation") + 1 :])
-
-
-class ForwardModelCache:
-    """Cache of forward models, shared by curves of similar depth."""
-
-    def __init__(self) -> None:
-        self._models: dict[
-            tuple[str, tuple[str, ...], float, MeasuredPath | None], ForwardModel
-        ] = {}
-
-    def forward_model(
-        self,
-        config: Config,
-        keys: tuple[str, ...],
-        max_depth: float,
-        measured_path: MeasuredPath | None = None,
-    ) -> ForwardModel:
-        """Return the forward model of a scene.
-
-        Raises
-        ------
-        ForwardModelUnavailable
-            If the scene has no solution at this depth.
-        ConfigError
-            If the scene is not valid at any depth.
-        """
-        # One solution of a self-similar scene gives the forces at all depths.
-        has_one_solution = (
-            is_self_similar(config) and not config.instrument.adhesion and measured_path is None
-        )
-        solved_depth = 0.0 if has_one_solution else max_depth
-        cache_key = to_yaml(config), keys, solved_depth, measured_path
-        if cache_key not in self._models:
-            max_models = 100
-            if len(self._models) >= max_models:
-                self._models.clear()
-            self._models[cache_key] = _build_forward_model(config, keys, max_depth, measured_path)
-        model = self._models[cache_key]
-        return model if model.max_depth == max_depth else model.copy_for_depth(max_depth)
-
-
-def _build_forward_model(
-    config: Config, keys: tuple[str, ...], max_depth: float, measured_path: MeasuredPath | None
-) -> ForwardModel:
-    for key in keys:
-        number_at(config, key)
-    try:
-        return ForwardModel(config, keys, max_depth, measured_path)
-    except ConfigError as error:
-        # A scene that is not valid at its own depth either is an error of the scene.
-        plan_elastic_run(config, _scene_depth(config))
-        raise ForwardModelUnavailable(
-            f"the scene is not valid at a depth of {max_depth:.4g}: {error.problem}"
-        ) from error
-
-
-def _scene_depth(config: Config) -> float:
-    """Return a depth at which the unchanged scene must be valid."""
-    loading = config.loading
-    return loading.delta or max(loading.deltas or (0.0,)) or 1e-3 * _characteristic_length(config)
-
-
-def _characteristic_length(config: Config) -> float:
-    height = getattr(config.body, "height", None)
-    return float(height or getattr(config.indenter, "R", None) or 1.0)

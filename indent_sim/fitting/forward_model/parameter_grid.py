@@ -46,6 +46,11 @@ class ParameterGrid:
         self._node_count = node_count
         self._node_values: dict[tuple[int, ...], np.ndarray | None] = {}
 
+    @property
+    def solved(self) -> int:
+        """Number of nodes that have been computed."""
+        return len(self._node_values)
+
     def interpolate(self, theta: Sequence[float]) -> np.ndarray:
         """Return the array, interpolated at the transformed values theta of the parameters.
 

@@ -96,6 +96,9 @@ def _make_parameter(config: Config, key: str, max_depth: float) -> Parameter:
         return Parameter(
             key, initial_value, "shape", 0.0, 0.5, is_linear=True, grid_step=linear_step
         )
+    if key.endswith("plasticity.hardening.n"):
+        # Largest hardening exponent of a fit, and step of the nodes; a metal has at most 0.5.
+        return Parameter(key, initial_value, "shape", 0.0, 0.6, is_linear=True, grid_step=0.1)
     if not initial_value > 0:
         raise ConfigError(
             key, f"is {initial_value:g}: a fit begins from a number above 0", f"--set {key}=..."
@@ -143,11 +146,14 @@ def number_at(config: Config, key: str) -> float:
             raise ConfigError(
                 key,
                 "is not a number of the scene",
-                f"--vary needs a number of the scene; add it by --set {key}=...",
+                "--vary needs a key of the scene whose value is a number; add it by --set "
+                f"{key}=...",
             ) from None
     if isinstance(section, bool) or not isinstance(section, int | float):
         raise ConfigError(
-            key, f"is {section!r}, not a number", "--vary needs a number of the scene"
+            key,
+            f"is {section!r}, not a number",
+            "--vary needs a key of the scene whose value is a number",
         )
     return float(section)
 

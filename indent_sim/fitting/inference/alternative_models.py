@@ -11,7 +11,8 @@ import numpy as np
 
 from indent_sim.config.scene_file import config_from_mapping, config_with_settings, to_mapping
 from indent_sim.config.schema import Config
-from indent_sim.fitting.forward_model.forward_model import ForwardModel, ForwardModelCache
+from indent_sim.fitting.forward_model.forward_model import ForwardModel
+from indent_sim.fitting.forward_model.forward_model_cache import ForwardModelCache
 from indent_sim.fitting.forward_model.parameter_grid import ForwardModelUnavailable
 from indent_sim.fitting.forward_model.parameters import ADHESION_WORK_KEY, MIN_HEIGHT_DEPTHS
 from indent_sim.fitting.inference.estimate import (

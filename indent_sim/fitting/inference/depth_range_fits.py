@@ -59,6 +59,9 @@ def fit_depth_ranges(estimate: Estimate) -> list[DepthRangeFit]:
     correlation V of the noise of the whole curve.
     """
     model = estimate.model
+    # The shallower part of a loop is loading, which does not determine its parameters.
+    if model.forward_model.follows_loop:
+        return []
     p = estimate.ordinary_p
     is_free = model.is_free
     whole_pseudoinverse = np.linalg.pinv(model.jacobian(p)[:, is_free])

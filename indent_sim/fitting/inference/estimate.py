@@ -16,7 +16,8 @@ from functools import cached_property
 
 import numpy as np
 
-from indent_sim.fitting.forward_model.forward_model import APPROACH, ForwardModel
+from indent_sim.fitting.forward_model.forward_model import APPROACH, RETRACT, ForwardModel
+from indent_sim.fitting.forward_model.loop_forward_model import LoopForwardModel
 from indent_sim.fitting.forward_model.parameter_grid import ForwardModelUnavailable
 from indent_sim.fitting.forward_model.parameters import Role
 from indent_sim.fitting.inference.baseline import (
@@ -93,14 +94,17 @@ class Samples:
     t : ndarray, shape (n,), optional
         Time [s].
     branch : ndarray of int, shape (n,), optional
-        Branches of the samples of an adhesive tip, see `jumps`; None if the model decides which
-        samples are in contact.
+        Branches of the samples of an adhesive tip, see `jumps`, or of a body that yields; None if
+        the model decides which samples are in contact.
+    turn : float, optional
+        Displacement at which unloading of a body that yields begins [length].
     """
 
     x: np.ndarray
     force: np.ndarray
     t: np.ndarray | None = None
     branch: np.ndarray | None = None
+    turn: float | None = None
 
     def __len__(self) -> int:
         return self.x.shape[-1]
@@ -112,6 +116,7 @@ class Samples:
             self.force[selected],
             None if self.t is None else self.t[selected],
             None if self.branch is None else self.branch[selected],
+            self.turn,
         )
 
     def select_curves(self, selected: np.ndarray) -> Samples:
@@ -140,6 +145,7 @@ class Samples:
             force,
             None if self.t is None else self.t[remainder:].reshape(-1, block_size).mean(axis=1),
             None if self.branch is None else self._branch_of_blocks(block_size, remainder),
+            self.turn,
         )
 
     def _branch_of_blocks(self, block_size: int, remainder: int) -> np.ndarray:
@@ -257,10 +263,24 @@ class CurveModel:
         depth: np.ndarray = self.samples.x - p[..., self.coordinate_count, None]
         return depth
 
+    def _forward_model_at(self, p: np.ndarray) -> ForwardModel:
+        """Return the forward model, of a loop with the depth at which unloading begins."""
+        if not isinstance(self.forward_model, LoopForwardModel) or self.samples.turn is None:
+            return self.forward_model
+        return self.forward_model.turned_at(self.samples.turn - p[..., self.coordinate_count])
+
+    def unloading_errors(self, p: np.ndarray) -> np.ndarray:
+        """Return the errors (m, n) of the force due to those of tabulated unloading."""
+        model = self._forward_model_at(p)
+        if not isinstance(model, LoopForwardModel) or self.samples.branch is None:
+            return np.zeros((0, len(self.samples)))
+        theta = p[: self.coordinate_count]
+        return model.unloading_errors(theta, self.depth_coordinate(p), self.samples.branch)
+
     def contact_force(self, p: np.ndarray) -> np.ndarray:
         """Return the forces without the baseline (..., n)."""
         theta = p[..., : self.coordinate_count]
-        return self.forward_model(
+        return self._forward_model_at(p)(
             theta, self.depth_coordinate(p), self.samples.t, self.samples.branch
         )
 
@@ -285,7 +305,7 @@ class CurveModel:
         """
         depth = self.depth_coordinate(p)
         theta = p[..., : self.coordinate_count]
-        force, derivatives = self.forward_model.linearize(
+        force, derivatives = self._forward_model_at(p).linearize(
             theta, depth, self.samples.t, self.samples.branch
         )
         residual = self.samples.force - self.baseline(p) - force
@@ -448,9 +468,9 @@ def estimate_parameters(model: CurveModel, initial_p: np.ndarray) -> Estimate:
 def _mean_over_noise(model: CurveModel, ordinary_p: np.ndarray) -> Estimate:
     """Return the estimate whose parameters are the mean over all noise models.
 
-    The mean is approached from ordinary least squares, by one step, as far as the residuals allow:
-    a noise with a long correlation time hides a systematic misfit. A fraction t of the step raises
-    the sum of squares by the factor 1 + kappa t^2.
+    The estimate moves from that of ordinary least squares towards the mean, by a fraction t <= 1 of
+    the difference. This multiplies the sum of squares by 1 + kappa t^2, which limits t, since a
+    noise model with a long correlation time could otherwise hide a systematic misfit.
     """
     uncertainty = uncertainty_at(model, ordinary_p)
     if not uncertainty.step.any():
@@ -603,6 +623,8 @@ def initial_guesses(
     follow from a linear least-squares problem.
     """
     pilot = samples.block_means(MAX_PILOT_SAMPLES)
+    if isinstance(forward_model, LoopForwardModel):
+        return _loop_guesses(forward_model, pilot, origin)
     # 80 trial contact points between the second and the 97th percentile of x.
     percentiles = (
         np.percentile(pilot.x, np.linspace(2.0, 97.0, 80)) if origin.contact_point is None else []
@@ -625,6 +647,40 @@ def initial_guesses(
     # Number of initial guesses from which the fit is iterated to convergence.
     max_guesses = 3
     return [_replace_known_baseline(p, pilot, origin) for _, p in ordered[:max_guesses]]
+
+
+def _loop_guesses(
+    forward_model: LoopForwardModel, samples: Samples, origin: OriginOptions
+) -> list[np.ndarray]:
+    """Return an initial guess for a loop, from its loading curve and its unloading stiffness.
+
+    The root of the force of loading is a line in the depth, whose zero is the contact point.
+    """
+    level = baseline_level(samples)
+    force = samples.force - level
+    rise = float(force.max())
+    is_unloading = (
+        np.zeros(len(samples), dtype=bool) if samples.branch is None else samples.branch == RETRACT
+    )
+    # Part of the largest force in which the contact is deep enough, and part of unloading that is
+    # nearly a line of the root of the force.
+    loading = ~is_unloading & (force > 0.15 * rise)
+    top = is_unloading & (force > 0.5 * rise) & (force < 0.97 * rise)
+    if np.count_nonzero(loading) < 3:
+        return []
+    slope, intercept = np.polyfit(samples.x[loading], np.sqrt(force[loading]), 1)
+    if not slope > 0:
+        return []
+    contact_point = -intercept / slope if origin.contact_point is None else origin.contact_point
+    stiffness = None
+    if samples.turn is not None and np.count_nonzero(top) >= 3:
+        depth = samples.turn - contact_point
+        fall = np.polyfit(samples.x[top] - samples.turn, force[top], 2)
+        stiffness = float(fall[1] / fall[2]) * depth if fall[2] > 0 else None
+        stiffness = stiffness if stiffness is not None and stiffness > 0 else None
+    theta = forward_model.coordinates_of(float(slope) ** 2, stiffness)
+    p = np.array([*theta, contact_point, level, 0.0])
+    return [_replace_known_baseline(p, samples, origin)]
 
 
 def baseline_level(samples: Samples) -> float:
@@ -760,7 +816,7 @@ def samples_out_of_contact(model: CurveModel, p: np.ndarray) -> np.ndarray:
 
     Without known branches these are the samples before a snap-in could be.
     """
-    if model.samples.branch is not None:
+    if model.samples.branch is not None and not model.forward_model.follows_loop:
         return model.samples.branch < LEFT_OUT
     contact_point = float(p[model.coordinate_count])
     depth = float(model.samples.x.max()) - contact_point

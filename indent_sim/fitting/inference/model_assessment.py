@@ -247,7 +247,7 @@ def find_residual_trend(estimate: Estimate) -> ResidualTrend:
     )
     snap = (
         1.0
-        if model.forward_model.has_adhesion
+        if model.forward_model.has_adhesion or model.forward_model.follows_loop
         else _snap_in_probability(model.samples.force[np.argsort(x, kind="stable")])
     )
     return ResidualTrend(
@@ -387,4 +387,8 @@ def systematic_half_widths(
             estimate.theta, samples.x - estimate.contact_point, samples.t
         ),
     )
-    return tuple(np.hypot(error_shift, time_step_shift).tolist())
+    unloading_shifts = [
+        parameter_shift(estimate, error) for error in model.unloading_errors(estimate.p)
+    ]
+    shifts = np.array([error_shift, time_step_shift, *unloading_shifts])
+    return tuple(np.sqrt((shifts**2).sum(axis=0)).tolist())

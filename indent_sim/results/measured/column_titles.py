@@ -54,6 +54,8 @@ OUTWARD_NAMES = ("height", "head height", "tip position", "straingauge", "smooth
 VOLTAGE_NAMES = ("deflv", "t-b", "a-b")
 # Entries in a line of units that stand for a column without a unit.
 NO_UNITS = ("", "-", "--", "1", "#", "none", "a.u.", "au", "arb", "arb.", "%", "°", "deg", "hz")
+# Units of columns that a curve does not need, such as stiffness and hardness.
+OTHER_UNITS = ("n/m", "mn/nm", "µn/nm", "un/nm", "n/mm", "pa", "kpa", "mpa", "gpa", "nj", "pj", "k")
 PART_TOKEN = re.compile(
     r"(?<![^\W\d_])(ex|rt|extend|extension|retract|retraction|approach|withdraw|forward|backward"
     r"|fwd|bwd|trace|retrace|load(?:ing)?(?=[ _]+\S*(?:curve|segment))|unload(?:ing)?)(?![^\W\d_])",
@@ -150,7 +152,8 @@ def is_unit_text(text: str) -> bool:
     """Return whether a cell may stand in a line of units."""
     word = text.strip().strip("[]()").strip()
     is_bracketed = text.strip()[:1] in ("[", "(") and text.strip()[-1:] in ("]", ")")
-    return is_bracketed or word.lower() in NO_UNITS or bool(unit_and_kind(word)[1])
+    is_known = word.lower() in (*NO_UNITS, *OTHER_UNITS) or bool(unit_and_kind(word)[1])
+    return is_bracketed or is_known
 
 
 def unit_factor(unit: str, kind: str) -> float:

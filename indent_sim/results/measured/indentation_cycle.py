@@ -184,6 +184,93 @@ def indentation_cycle(h: np.ndarray, F: np.ndarray, is_measured: bool = True) ->
     return cycle
 
 
+@dataclass(frozen=True)
+class LowForceHold:
+    """Hold at a small constant force during unloading, in which the depth drifts.
+
+    Attributes
+    ----------
+    rate
+        Rate of the depth [length/time].
+    error
+        Half-width of the 95 % interval of the rate by the scatter of the samples [length/time].
+    duration
+        Duration of the hold [time].
+    force_fraction
+        Force of the hold over the largest force.
+    """
+
+    rate: float
+    error: float
+    duration: float
+    force_fraction: float
+
+
+def low_force_hold(t: np.ndarray, h: np.ndarray, F: np.ndarray) -> LowForceHold:
+    """Return the hold at low force after the largest force, with the drift of the depth in it.
+
+    The first fifth of the hold, in which the sample still recovers, is left out.
+
+    Parameters
+    ----------
+    t, h, F
+        Times, depths and forces (n,) in the order of time.
+
+    Raises
+    ------
+    UsageError
+        If there is no such hold.
+    """
+    noise = noise_of(F)
+    largest = float(F.max(initial=0.0))
+    _check_signal("force", largest, noise)
+    after = np.arange(int(np.argmax(F)), len(F))
+    # Holds for the drift are at 10 % of the largest force; at more than 30 % the sample recovers.
+    low = after[(F[after] > 0.02 * largest) & (F[after] < 0.3 * largest)]
+    scatter = max(4 * noise, 2e-3 * largest)
+    rows = _longest_plateau(F, low, scatter)
+    # Part of the hold that is left out, and smallest number of rows of a hold.
+    recovery = 0.2
+    min_rows = 20
+    # Without a hold, unloading passes the scatter in this fraction of the rows of its low part.
+    passing = 2 * scatter / (0.28 * largest) * len(low)
+    if len(rows) < max(min_rows, 3 * passing):
+        raise UsageError(
+            "--drift hold needs a hold at 2 to 30 % of the largest force after it, and the curve "
+            "has none",
+            "give the rate, for example --drift '0.05 nm/s'",
+        )
+    used = rows[t[rows] >= t[rows[0]] + recovery * (t[rows[-1]] - t[rows[0]])]
+    time = t[used] - t[used].mean()
+    depth = h[used] - h[used].mean()
+    square = float(time @ time)
+    if not square > 0:
+        raise UsageError("--drift hold needs times that increase", "check the column of times")
+    rate = float(time @ depth) / square
+    residual = depth - rate * time
+    deviation = float(np.sqrt(residual @ residual / (len(used) - 2) / square))
+    return LowForceHold(
+        rate,
+        1.96 * deviation,
+        float(t[rows[-1]] - t[rows[0]]),
+        float(np.median(F[rows])) / largest,
+    )
+
+
+def _longest_plateau(F: np.ndarray, rows: np.ndarray, scatter: float) -> np.ndarray:
+    """Return the longest run of some rows whose forces stay within a scatter of their median."""
+    if not len(rows):
+        return rows
+    # The level at which most forces lie is the middle of the narrowest half-open window of the
+    # sorted forces that has the most of them.
+    ordered = np.sort(F[rows])
+    counts = np.searchsorted(ordered, ordered + 2 * scatter, side="right") - np.arange(len(ordered))
+    level = float(ordered[int(np.argmax(counts))]) + scatter
+    held = rows[np.abs(F[rows] - level) <= 1.5 * scatter]
+    runs = np.split(held, np.flatnonzero(np.diff(held) > 3) + 1)
+    return max(runs, key=len)
+
+
 def noise_of(values: np.ndarray) -> float:
     """Estimate the standard deviation of the white scatter of a smooth sequence of numbers (n,).
 
@@ -201,7 +288,7 @@ def _check_signal(name: str, largest: float, noise: float) -> None:
     """Raise UsageError unless the largest force or depth is positive and far above its noise."""
     if not largest > 0:
         raise UsageError(
-            f"the largest {name} is {largest:.4g}, but it must be positive",
+            f"the largest {name} is {largest + 0.0:.4g}, but it must be positive",
             "forces that push and depths into the body are positive; check the columns, the frame "
             "compliance and the drift",
         )

@@ -330,7 +330,7 @@ class NanoscopeFile:
 
 
 def _read_header(path: Path) -> list[tuple[str, Section]]:
-    """Return the sections of a header, each with its title; NoCurve if there are none.
+    """Return the sections of a header, each with its title; raise NoCurve if there are none.
 
     Titles and keys are in lower case, keys without the number of their group.
     """

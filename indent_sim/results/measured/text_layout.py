@@ -272,8 +272,9 @@ def _read_titles(layout: TextLayout) -> tuple[tuple[ColumnTitle, ...], str]:
     # Number of lines above the numbers in which titles are searched.
     max_title_lines = 60
     for line in reversed(layout.head[-max_title_lines:]):
-        text = line.strip().lstrip(COMMENT_SIGNS).strip(" ")
-        if not text:
+        # A separator at the beginning belongs to an empty first cell.
+        text = line.strip(" \r").lstrip(COMMENT_SIGNS).strip(" ")
+        if not text.strip():
             continue
         cells = _title_cells(layout, text)
         if cells is None:

@@ -34,6 +34,7 @@ COLUMN_LABELS = {
     "delta": ("depth δ", "length"),
     "force": ("force F", "force"),
     "a": ("contact radius a", "length"),
+    "hardness": ("hardness H", "pressure"),
     "pore_pressure_max": ("largest pore pressure p", "pressure"),
     "p_max": ("largest pressure p", "pressure"),
     "penetration": ("penetration", "length"),

@@ -69,6 +69,7 @@ class FieldQuantity:
 
 
 POROUS_BODIES = "bodies with fluid in their pores (material.flow)"
+METALS = "bodies that yield (material.plasticity)"
 GELS = "gels (material.model: gel)"
 FIELDS = {
     "von_mises": FieldQuantity("von Mises stress", "pressure", lambda f: f["von_mises"]),
@@ -107,6 +108,9 @@ FIELDS = {
     ),
     "fluid_content": FieldQuantity(
         "fluid content ζ", "1", lambda f: f["fluid_content"], 0.0, available_for=POROUS_BODIES
+    ),
+    "plastic_strain": FieldQuantity(
+        "equivalent plastic strain α", "1", lambda f: f["plastic_strain"], available_for=METALS
     ),
     "swelling": FieldQuantity(
         "swelling ratio J", "1", lambda f: f["swelling"], lowest_value=None, available_for=GELS

@@ -26,7 +26,9 @@ from indent_sim.results.pictures.figures import (
     save,
 )
 from indent_sim.results.pictures.pressure import draw_pressure, largest_force_step
+from indent_sim.results.pictures.profile import draw_profiles
 from indent_sim.results.pictures.run_names import natural_sort_key, run_names
+from indent_sim.results.pictures.unloading import draw_unloading, imprint_step
 from indent_sim.results.reader import MEASURED, Results
 from indent_sim.results.result_files import Report
 from indent_sim.results.result_scene import has_adhesion
@@ -44,9 +46,10 @@ PANELS_HEIGHT = 4.8
 def draw_force_indentation(results: Results, path: Path | str) -> None:
     """Draw a result into a file: force and contact radius over depth, and the pressure at one step.
 
-    The pressure is drawn at the largest force. The reference theory is drawn from its entries in
-    run.json: `name`, `force_deviation` (in load control `delta_deviation`), and a curve with
-    `delta`, `force` and `a`.
+    The pressure is drawn at the largest force; for a body that has yielded and is unloaded, the
+    surface under load and the imprint are drawn in its place. The reference theory is drawn from
+    its entries in run.json: `name`, `force_deviation` (in load control `delta_deviation`), and a
+    curve with `delta`, `force` and `a`.
     """
     theory = results.report.get("theory")
     step = largest_force_step(results)
@@ -69,7 +72,10 @@ def draw_force_indentation(results: Results, path: Path | str) -> None:
             draw_side_force(panels[SIDE_PANEL], results, side_force)
         if radius_panel:
             _draw_radius(panels["a"], [results], theory)
-        if step:
+        imprint = imprint_step(results)
+        if step and imprint in results.surface.get("step", ()):
+            _draw_imprint(panels["pressure"], results, step, float(imprint or 0))
+        elif step:
             draw_pressure(panels["pressure"], results, step)
             if results.report.get("accuracy"):
                 panel_title = panels["pressure"].get_title(loc="left")
@@ -82,6 +88,18 @@ def draw_force_indentation(results: Results, path: Path | str) -> None:
             figure, results.report.get("title") or run_names([results])[0], subtitle(results)
         )
         save(figure, path)
+
+
+def _draw_imprint(axes: Axes, results: Results, step: float, imprint: float) -> None:
+    """Draw the surface at the largest force, and the imprint without force with its pile-up."""
+    colours = [curves.map_colour(i, 2) for i in range(2)]
+    shown = [
+        (results, step, "largest force", colours[0]),
+        (results, imprint, "imprint", colours[1]),
+    ]
+    draw_profiles(axes, shown)
+    axes.yaxis.label.set_size("small")
+    axes.legend(fontsize="small", loc="lower right")
 
 
 def draw_overlay(runs: Sequence[Results], path: Path | str) -> None:
@@ -173,6 +191,8 @@ def draw_forces(
             **curves.UNLOADING_STYLE,
         )
     _draw_error_bands(axes, runs, depth, force)
+    if len(runs) == 1:
+        draw_unloading(axes, runs[0], depth, force)
     if theory:
         _draw_theory(axes, theory, depth, force)
     axes.set(xlabel=depth.label, ylabel=force.label)
@@ -274,6 +294,10 @@ def _draw_theory(axes: Axes, theory: Report, depth: Axis, force: Axis) -> None:
             deviation_text = f", depth of this run {theory['delta_deviation']:+.2%}"
         label = picture_text(f"{theory.get('name', 'theory')}{deviation_text}", max_letters)
         axes.plot(*drawn, **THEORY_STYLE, label=label)
+        if error := theory.get("error"):
+            along, middle = drawn
+            ends = middle * (1 - error), middle * (1 + error)
+            axes.fill_between(along, *ends, color=THEORY_STYLE["color"], alpha=0.15, lw=0)
     if half_space := theory.get("half_space"):
         deviation = half_space.get("deviation")
         deviation_text = "" if deviation is None else f": {_deviation_text(deviation)}"

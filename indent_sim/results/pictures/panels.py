@@ -28,9 +28,20 @@ from indent_sim.results.pictures.pressure import (
     surface_on_axis,
 )
 from indent_sim.results.pictures.profile import draw_profiles
+from indent_sim.results.pictures.unloading import draw_hardness, imprint_step
 from indent_sim.results.reader import Results
 
-PANEL_KINDS = ("force", "time", "pressure", "pressure_x", "pressure_y", "profile", "fields", "film")
+PANEL_KINDS = (
+    "force",
+    "time",
+    "hardness",
+    "pressure",
+    "pressure_x",
+    "pressure_y",
+    "profile",
+    "fields",
+    "film",
+)
 STEP_PANELS = ("pressure", "pressure_x", "pressure_y", "profile", "fields", "film")
 # pressure_x and pressure_y are curves along x and y through the tip's axis.
 PRESSURE_PANELS = ("pressure", "pressure_x", "pressure_y")
@@ -444,6 +455,8 @@ def _line_panels(
         return [_line_panel(partial(draw_forces, runs=runs, theory=theory, names=labels))]
     if panel_kind == "time":
         return [_line_panel(partial(history.draw_over_time, runs=runs, names=labels))]
+    if panel_kind == "hardness":
+        return [_line_panel(partial(draw_hardness, runs=runs, names=labels))]
     if panel_kind == "profile":
         return [
             _line_panel(
@@ -623,7 +636,7 @@ def _requested_steps(run: Results, request: PlotRequest, panel_kind: str) -> lis
     """Return the steps of a result to be shown.
 
     They are the requested steps, or for an animation a selection of all steps, or by default the
-    step of the largest force.
+    step of the largest force, and in a profile that of the imprint.
     """
     key = "fields" if panel_kind in MAP_PANELS else "surface"
     stored_steps = (
@@ -649,6 +662,9 @@ def _requested_steps(run: Results, request: PlotRequest, panel_kind: str) -> lis
         else [int(word) for word in requested]
         or [int(largest_force_step(reduced_run) or available[-1])]
     )
+    imprint = imprint_step(run)
+    if panel_kind == "profile" and not requested and imprint in available:
+        steps = [*steps, int(imprint or 0)]
     if missing := [step for step in steps if step not in available]:
         available_text = ", ".join(map(str, available))
         problem = f"{run.path} has no {key} of step {missing[0]}, only of {available_text}"

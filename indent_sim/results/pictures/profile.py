@@ -168,10 +168,13 @@ def tip_lift(results: Results, step: float, scene: Config) -> Profile:
     is_step = results.surface.get("step", np.zeros(0)) == step
     if scene.indenter.elastic_part is None or not is_step.any():
         return lambda s: 0.0 * s
-    r, u_z, gap, z = (
+    r, u_r, u_z, gap, z = (
         results.surface[name][is_step] if name in results.surface else np.zeros(is_step.sum())
-        for name in ("x", "u_z", "gap", "z")
+        for name in ("x", "u_x", "u_z", "gap", "z")
     )
+    if not scene.indenter.elastic_part.material.is_small_strain:
+        # The gap is that of the deformed point.
+        r = r + u_r
     rows = results["step"] == step
     delta = float(results["delta"][rows][0]) / contacts_per_body(scene.body)
     lift = z + u_z + gap - (scene.indenter.height(r, 0.0 * r) - delta)

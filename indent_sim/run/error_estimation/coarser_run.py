@@ -115,9 +115,23 @@ def halve_increments(scene: Scene) -> Scene | None:
     physics = scene.physics
     if not physics.depends_on_step_size:
         return None
-    return scene.replace_physics(
-        path=physics.path.with_halved_increments(), deltas=_halve_values(physics.deltas)
-    )
+    path = physics.path.with_halved_increments()
+    if physics.path.turns and not physics.path.times:
+        return scene.replace_physics(path=path, deltas=path.values)
+    return scene.replace_physics(path=path, deltas=_halve_values(physics.deltas))
+
+
+def with_solved_depths(scene: Scene, states: States) -> Scene:
+    """Return the scene with the depths of its rows as they were solved, if they are searched for.
+
+    Other increments on the same depths differ by the error of the increments alone.
+    """
+    physics = scene.physics
+    if not physics.searches_unloading_depths:
+        return scene
+    depths = [state.delta / physics.scales.depth for state in states if state.converged]
+    path = replace(physics.path.with_first_values(depths), unloading=None)
+    return scene.replace_physics(path=path, deltas=path.values)
 
 
 def double_bath_ramp(scene: Scene) -> Scene | None:

@@ -59,6 +59,10 @@ from indent_sim.run.error_estimation.error_budget import (
 )
 from indent_sim.run.error_estimation.film_error import FilmError
 from indent_sim.run.error_estimation.step_refinement import StepRefinement, value_difference
+from indent_sim.run.error_estimation.unloading_rows import (
+    depth_without_force,
+    force_on_way_back,
+)
 from indent_sim.scene.expected_error import FORCE_DEPTH_EXPONENT, edge_error
 from indent_sim.scene.measured_constants import (
     EDGE_ERROR,
@@ -174,6 +178,7 @@ class ErrorBars:
             state,
             force_error=budget.total,
             delta_error=self._depth_error(state, budget.total),
+            residual_depth_error=self._residual_depth_error(state),
             **errors,
             **self._moment_errors(state, budget.total),
         )
@@ -273,6 +278,10 @@ class ErrorBars:
         # Rows of a time-dependent scene cannot be interpolated in the depth: each has another time.
         if self._physics.is_time_dependent:
             return self._transient_force_difference(state, coarse_state)
+        unloading = self._physics.path.unloading
+        if unloading and step > unloading.start and self._physics.searches_unloading_depths:
+            coarse_force = force_on_way_back(coarse_states, unloading, state.delta)
+            return abs(coarse_force - state.force)
         return abs(interpolate_force(coarse_state, state.delta, coarse_states) - state.force)
 
     def _transient_force_difference(self, state: State, coarse_state: State) -> float:
@@ -491,6 +500,36 @@ class ErrorBars:
         difference = value_difference(self._coarse_states, self._soft_states, step, name)
         return difference / (2**order - 1) / self._stiffness_ratio**order
 
+    def _residual_depth_error(self, state: State) -> float | None:
+        """Return the error of the residual depth [length]; NaN in rows without it.
+
+        None if the scene does not have it. The depth that the body recovers has at least the
+        relative error that the mesh causes in the force.
+        """
+        unloading = self._physics.path.unloading
+        if unloading is None or state.residual_depth is None:
+            return None
+        if state.residual_depth != state.residual_depth:
+            return nan
+        if not self._physics.yields:
+            return 0.0
+        coarse, own = (
+            depth_without_force(states, unloading)
+            for states in (self._coarse_states, self._run_states)
+        )
+        estimate = grid_convergence_index(
+            abs(coarse - own), self.coarser_run.ratio, ORDER_OF_CONVERGENCE
+        )
+        top = self._run_states.get(unloading.start)
+        if top is None or not top.force:
+            return nan
+        discretisation = self.budgets[unloading.start - 1].discretisation
+        min_error = discretisation / top.force * (top.delta - state.residual_depth)
+        path = self._step_refinement
+        return float(np.max([estimate, min_error])) + (
+            path.residual_depth_error(unloading) if path else 0.0
+        )
+
     # ---- a tip that slides
 
     def _largest_side_force(self, state: State) -> float:
@@ -544,7 +583,8 @@ class ErrorBars:
         if self._step_refinement is None:
             return 0.0
         if name == "force" and self._has_prescribed_forces:
-            return self._step_refinement.error(state, "delta") * self._force_slope(state)
+            depth_error = self._step_refinement.error(state, "delta") * self._force_slope(state)
+            return max(depth_error, self._first_increments_error(state))
         unresolved_error = (
             self._long_step_error(state, name) if self._physics.contact.may_slip else 0.0
         )
@@ -562,12 +602,17 @@ class ErrorBars:
         """
         if self._physics.is_compressed or not state.plastic_dissipation:
             return 0.0
-        deltas = (0.0, *self._physics.deltas)
-        depth = deltas[state.step]
-        increment = depth - deltas[state.step - 1]
-        if increment <= 0 or depth <= 0:
+        previous = self._run_states.get(state.step - 1)
+        turns = self._physics.path.turns
+        is_divided = turns and turns[state.step - 1] and not self._physics.path.times
+        previous_depth = previous.delta if previous else 0.0
+        if is_divided:
+            previous_depth = turns[state.step - 1][-1] * self._scales.depth
+        increment = state.delta - previous_depth
+        if increment <= 0 or state.delta <= 0:
             return 0.0
-        return MAX_YIELD_INCREMENT_ERROR * min(increment / depth, 1.0) * abs(state.force)
+        fraction = min(increment / state.delta, 1.0)
+        return MAX_YIELD_INCREMENT_ERROR * fraction * abs(state.force)
 
     def _bath_error(self, state: State, name: str) -> float:
         """Return the error of a quantity due to the finite duration of the bath ramp.

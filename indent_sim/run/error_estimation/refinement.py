@@ -224,7 +224,8 @@ def _next_refinement(
         )
     if worst.path >= allowed:
         advice = (
-            "give more loading.steps or more values"
+            "give more loading.steps or more values; of a body that yields, a smaller accuracy has "
+            "shorter increments"
             if first_step_error < resolution.target
             else f"in the first row it is {first_step_error:.2g}, since this row is a single "
             "increment from no contact with any number of steps"

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import nan
 
+from indent_sim.model.load_path import Unloading
 from indent_sim.model.state import State
 from indent_sim.run.error_estimation.coarser_run import (
     CoarserRun,
@@ -13,10 +14,12 @@ from indent_sim.run.error_estimation.coarser_run import (
     StatesByStep,
     halve_increments,
     states_by_step,
+    with_solved_depths,
 )
 from indent_sim.run.error_estimation.error_budget import (
     SAFETY_FACTOR,
 )
+from indent_sim.run.error_estimation.unloading_rows import depth_without_force
 from indent_sim.scene.scene import Scene
 
 
@@ -36,13 +39,22 @@ class StepRefinement:
         """
         return SAFETY_FACTOR * value_difference(self.full_steps, self.half_steps, state.step, name)
 
+    def residual_depth_error(self, unloading: Unloading) -> float:
+        """Return the error of the depth at which the force vanishes on the way back [length]."""
+        full, half = (
+            depth_without_force(states, unloading) for states in (self.full_steps, self.half_steps)
+        )
+        return SAFETY_FACTOR * abs(half - full)
+
 
 def step_refinement(
     base_run: CoarserRun, follow: Callable[[Scene], States]
 ) -> StepRefinement | None:
     """Solve a run with halved increments; None if its result is independent of increments."""
-    half_increment_scene = halve_increments(base_run.scene) if base_run.scene else None
-    if base_run.scene is None or half_increment_scene is None:
+    if base_run.scene is None:
+        return None
+    half_increment_scene = halve_increments(with_solved_depths(base_run.scene, base_run.states))
+    if half_increment_scene is None:
         return None
     half_step_states = follow(half_increment_scene)
     full_step_states = [

@@ -29,8 +29,9 @@ from indent_sim.run.model_selection.scene_variants import SceneVariants
 from indent_sim.run.model_selection.time_dependence import TransientVariants, limiting_case_changes
 from indent_sim.run.model_selection.variant_solver import NEEDS_MESH
 from indent_sim.run.model_selection.variants import Document, replace_sections
+from indent_sim.run.model_selection.yield_effect import elastic_variant, yield_effect
 from indent_sim.scene.regions import remove_unused_material
-from indent_sim.scene.scene import resolve
+from indent_sim.scene.scene import Scene, resolve
 
 ConfigChange = Callable[[Config], Config]
 # Names of simpler bodies, which need no mesh, in sentences.
@@ -128,11 +129,7 @@ def _requirements(config: Config, within: float) -> Requirements:
         )
     scene = resolve(config)
     if scene.physics.yields:
-        raise ConfigError(
-            "material.plasticity",
-            "the simpler models that are compared do not yield",
-            "leave it out to find what the elastic body requires",
-        )
+        return _yielding_requirements(config, scene, within)
     config = variants.set_gel_stretch(remove_unused_material(config, scene.physics.domain))
     if scene.physics.is_time_dependent:
         return _transient_requirements(TransientVariants(config, scene, within))
@@ -141,6 +138,35 @@ def _requirements(config: Config, within: float) -> Requirements:
     text = _recommendation_text(model, variant, effects, within)
     return Requirements(
         tuple(effects.values()), variants.minimal_document(variant), model.percent, text
+    )
+
+
+def _yielding_requirements(config: Config, scene: Scene, within: float) -> Requirements:
+    """Return the requirements of a scene with a material that may yield.
+
+    If the elastic body has the same force within the tolerance, they are those of the elastic body;
+    otherwise no simpler model is compared.
+    """
+    if scene.physics.is_time_dependent:
+        raise ConfigError(
+            "material.plasticity.creep",
+            "has a force that depends on time, which is not compared with elastic bodies",
+            "leave it out",
+        )
+    elastic = elastic_variant(config)
+    effect = yield_effect(config, scene, elastic)
+    assert effect.percent is not None
+    if abs(effect.percent) > 100 * within:
+        text = (
+            f"Model the scene as it is: yield changes the force by {effect.percent:+.3g} % of that "
+            "of the elastic body. Simpler models of a body that yields are not compared."
+        )
+        document = variants.minimal_document(config)
+        return Requirements((effect,), document, 0.0, text)
+    elastic_requirements = _requirements(elastic, within)
+    text = f"Leave out plasticity: {effect.source}. {elastic_requirements.words}"
+    return replace(
+        elastic_requirements, effects=(effect, *elastic_requirements.effects), words=text
     )
 
 

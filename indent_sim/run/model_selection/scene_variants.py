@@ -204,7 +204,7 @@ class SceneVariants:
     @cached_property
     def linear_scene(self) -> Config:
         """The single-step scene on its stand-in with linear elastic materials."""
-        return change_materials(self._stand_in_scene, variants.linear_law)
+        return variants.change_laws(self._stand_in_scene, variants.linear_law)
 
     @cached_property
     def plain_scene(self) -> Config:
@@ -214,7 +214,7 @@ class SceneVariants:
     @cached_property
     def hyperelastic_scene(self) -> Config:
         """Single-step scene on the stand-in with finite-strain laws (given laws or neo-Hookean)."""
-        return change_materials(self._stand_in_scene, variants.hyperelastic_law)
+        return variants.change_laws(self._stand_in_scene, variants.hyperelastic_law)
 
     @cached_property
     def layer_scene(self) -> Config | None:

@@ -108,6 +108,17 @@ def rounded_law(material: Material) -> Material:
     return replace(material, **rounded)  # type: ignore[arg-type]
 
 
+def change_laws(config: Config, change: LawChange, **sections: Any) -> Config:
+    """Return the config with the laws of body and soft tip changed, for a change of the strain.
+
+    Parameters as in `change_materials`.
+    """
+    tip: Any = config.indenter
+    if tip.elastic_part:
+        sections["indenter"] = replace(tip, material=change(tip.material))
+    return change_materials(config, change, **sections)
+
+
 def linear_law(material: Material) -> Material:
     """Return the linear elastic material with the same E and nu; anisotropic laws are unchanged."""
     law = material.canonical()
@@ -120,6 +131,13 @@ def hyperelastic_law(material: Material) -> Material:
     """Return the finite-strain law of a material, by default neo-Hookean."""
     law = material.canonical()
     return NeoHookean(**_rounded_constants(law)) if law.is_small_strain else material
+
+
+def elastic_law(material: Material) -> Material:
+    """Return the material without plasticity; other materials are unchanged."""
+    if material.plasticity is None:
+        return material
+    return replace(material, plasticity=None)  # type: ignore[arg-type]
 
 
 def isotropic_law(material: Material) -> Material:
@@ -195,13 +213,13 @@ def finite_strain_variant(config: Config) -> Config:
     It has default solver settings, and no experiment, which needs an elastic load curve.
     """
     return _reset_gap(
-        change_materials(config, hyperelastic_law, solver=SolverSettings(), experiment=None)
+        change_laws(config, hyperelastic_law, solver=SolverSettings(), experiment=None)
     )
 
 
 def small_strain_variant(config: Config) -> Config:
     """Return the scene with materials and gap of small strain."""
-    return _reset_gap(change_materials(config, linear_law))
+    return _reset_gap(change_laws(config, linear_law))
 
 
 def _reset_gap(config: Config) -> Config:

@@ -12,12 +12,8 @@ from adhesive_measurements import GROUPS, KEYS, POINTS, AdhesiveCurve, group_sce
 from measurements import HALF_SPACE, relaxing, scene
 
 from indent_sim.fitting.curve_fit import FitRequest, fit_curve, keys_of_part
-from indent_sim.fitting.forward_model.forward_model import (
-    APPROACH,
-    RETRACT,
-    ForwardModel,
-    ForwardModelCache,
-)
+from indent_sim.fitting.forward_model.forward_model import APPROACH, RETRACT, ForwardModel
+from indent_sim.fitting.forward_model.forward_model_cache import ForwardModelCache
 from indent_sim.fitting.forward_model.parameters import RETRACT_WORK_KEY
 from indent_sim.fitting.inference.estimate import OriginOptions
 from indent_sim.fitting.inference.jumps import LEFT_OUT, find_jumps, sides_of

@@ -8,7 +8,7 @@ from measurements import HALF_SPACE, relaxing, scene
 
 from indent_sim.config.schema import Config
 from indent_sim.fitting.design import Design, _plan_measurement, design_measurement
-from indent_sim.fitting.forward_model.forward_model import ForwardModelCache
+from indent_sim.fitting.forward_model.forward_model_cache import ForwardModelCache
 from indent_sim.fitting.inference.estimate import OriginOptions, Samples, fit_model
 from indent_sim.fitting.inference.noise import NORMAL_95
 from indent_sim.process.errors import ConfigError

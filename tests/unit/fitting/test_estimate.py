@@ -9,7 +9,8 @@ import pytest
 from measurements import HALF_SPACE, LAYER, NOISES, N, drawn, measured, relaxing, scene
 from scipy.stats import binom
 
-from indent_sim.fitting.forward_model.forward_model import ForwardModel, ForwardModelCache
+from indent_sim.fitting.forward_model.forward_model import ForwardModel
+from indent_sim.fitting.forward_model.forward_model_cache import ForwardModelCache
 from indent_sim.fitting.forward_model.parameters import ADHESION_WORK_KEY
 from indent_sim.fitting.inference import alternative_models, profile_likelihood
 from indent_sim.fitting.inference.depth_range_fits import fit_depth_ranges

@@ -11,7 +11,8 @@ from measurements import HALF_SPACE, drawn, relaxing, scene
 from indent_sim.config.quantities import pressure_keys
 from indent_sim.config.scene_file import config_from_mapping, to_mapping
 from indent_sim.fitting.curve_fit import FitRequest, fit_curve
-from indent_sim.fitting.forward_model.forward_model import ForwardModel, ForwardModelCache
+from indent_sim.fitting.forward_model.forward_model import ForwardModel
+from indent_sim.fitting.forward_model.forward_model_cache import ForwardModelCache
 from indent_sim.fitting.forward_model.measured_path_forces import MeasuredPath, simplify_path
 from indent_sim.fitting.inference.estimate import OriginOptions, Samples, fit_model
 from indent_sim.fitting.inference.noise import WHITE

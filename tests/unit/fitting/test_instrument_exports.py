@@ -10,7 +10,7 @@ from instrument_exports import Export
 
 from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.fitting.curve_fit import FitRequest, cantilever_stiffness_si, fit_curve
-from indent_sim.fitting.forward_model.forward_model import ForwardModelCache
+from indent_sim.fitting.forward_model.forward_model_cache import ForwardModelCache
 from indent_sim.process.errors import IndentSimError
 from indent_sim.results.measured.curve_file import read_curves
 

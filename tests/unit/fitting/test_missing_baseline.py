@@ -7,7 +7,7 @@ import pytest
 from measurements import HALF_SPACE, N, drawn, scene
 
 from indent_sim.fitting.curve_fit import FitRequest, fit_curve
-from indent_sim.fitting.forward_model.forward_model import ForwardModelCache
+from indent_sim.fitting.forward_model.forward_model_cache import ForwardModelCache
 from indent_sim.fitting.inference.estimate import OriginOptions
 from indent_sim.fitting.inference.noise import Noise
 from indent_sim.results.measured.measurement import MeasuredCurve, curve_parts

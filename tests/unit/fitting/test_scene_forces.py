@@ -10,7 +10,8 @@ from measurements import HALF_SPACE, LAYER, relaxing, scene
 
 from indent_sim.config.quantities import pressure_keys
 from indent_sim.fitting.forward_model.elastic_load_curve import plan_elastic_run
-from indent_sim.fitting.forward_model.forward_model import ForwardModel, ForwardModelCache
+from indent_sim.fitting.forward_model.forward_model import ForwardModel
+from indent_sim.fitting.forward_model.forward_model_cache import ForwardModelCache
 from indent_sim.fitting.forward_model.parameter_grid import ForwardModelUnavailable
 from indent_sim.fitting.forward_model.parameters import ADHESION_WORK_KEY, number_at, parameters_of
 from indent_sim.process.errors import ConfigError

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.integrate import quad
 from scipy.optimize import brentq
 
 from indent_sim.model.logarithmic_strain import deviator_square, square_of_unimodular
-from indent_sim.model.plasticity import Plasticity, Voce
+from indent_sim.model.plasticity import MIN_CREEP_STRAIN, Creep, Plasticity, Voce
 
 LAWS = {
     "perfect": Plasticity(1.0),
@@ -31,7 +33,7 @@ def test_the_increment_is_the_root_of_the_return(law: Plasticity, E: float, alph
     mu = E / 2.6
     for excess in (1e-8, 1e-3, 1.0, 1e3):
         q = float(law.flow_stress(alpha, E)) * (1 + excess)
-        d = float(law.strain_increment(np.float64(q), alpha, mu, E))
+        d = float(law.flow_increment(np.float64(q), alpha, mu, E).strain)
         root = brentq(
             lambda d: q - 3 * mu * d - float(law.flow_stress(alpha + d, E)),  # noqa: B023
             0.0,
@@ -45,7 +47,50 @@ def test_the_increment_is_the_root_of_the_return(law: Plasticity, E: float, alph
 @each_law
 def test_below_the_yield_stress_nothing_flows(law: Plasticity) -> None:
     q = np.array([0.0, 0.5, float(law.flow_stress(0.1, 10.0))])
-    assert not law.strain_increment(q, 0.1, 4.0, 10.0).any()
+    assert not law.flow_increment(q, 0.1, 4.0, 10.0).strain.any()
+
+
+@each_law
+@pytest.mark.parametrize("m", [0.01, 0.1, 1.0])
+@pytest.mark.parametrize("dt", [0.0, 1e-3, 1.0, 1e9])
+def test_creep_is_the_root_of_the_return(law: Plasticity, m: float, dt: float) -> None:
+    """Against scipy's brentq with the overstress as the unknown; 1e-12 of q is round-off."""
+    law = replace(law, creep=Creep(1e-3, m))
+    for E in (10.0, 1e4):
+        mu = E / 2.6
+        for alpha in (0.0, 1e-4, 1.0):
+            for excess in (1e-8, 1e-3, 0.1, 1.0, 30.0):
+                yield_stress = float(law.flow_stress(alpha, E))
+                q = yield_stress * (1 + excess)
+                flow = law.flow_increment(np.float64(q), alpha, mu, E, np.float64(dt))
+                creep_strain = max(1e-3 * dt, MIN_CREEP_STRAIN)
+
+                def residual(s: float) -> float:
+                    d = creep_strain * s ** (1 / m)  # noqa: B023
+                    stress = float(law.flow_stress(alpha + d, E))  # noqa: B023
+                    return 3 * mu * d + stress * (1 + s) - q  # noqa: B023
+
+                s = brentq(residual, 0.0, excess * (1 + 1e-12), xtol=1e-300, rtol=1e-14)
+                root = creep_strain * s ** (1 / m)
+                assert 3 * mu * abs(flow.strain - root) <= 1e-12 * q
+                work = float(law.flow_stress(alpha + root, E)) * s * root
+                assert flow.viscous_work == pytest.approx(work, rel=1e-9, abs=1e-12 * q * root)
+
+
+@each_law
+@pytest.mark.parametrize("creep", [None, Creep(1e-3, 0.1), Creep(1e-3, 1.0)])
+def test_compliance_is_the_derivative_of_the_increment(law: Plasticity, creep: Creep) -> None:
+    """Against central differences, whose own error is 1e-6."""
+    law = replace(law, creep=creep)
+    E = 100.0
+    mu = E / 2.6
+    q = 1.5 * float(law.flow_stress(0.01, E))
+    step = 1e-5 * q
+    below, flow, above = (
+        law.flow_increment(np.float64(q + dq), 0.01, mu, E, np.float64(1.0))
+        for dq in (-step, 0.0, step)
+    )
+    assert flow.compliance == pytest.approx((above.strain - below.strain) / (2 * step), rel=1e-6)
 
 
 @each_law

@@ -153,7 +153,8 @@ def test_a_wrong_state(name: str) -> None:
 def test_every_rule_is_tried() -> None:
     """Every check of a single state is tried here.
 
-    Those of a path are tried below, and that of a tip that slides in tests/physics/test_slide.py.
+    Those of a path are tried below, and those of a tip that slides and of a soft tip in
+    tests/physics/test_slide.py and test_soft_tips_at_finite_strain.py.
     """
     base = scene()
     states = [replace(theorys(base, 0.1), **change) for change, _ in WRONG.values()]
@@ -162,7 +163,8 @@ def test_every_rule_is_tried() -> None:
         for rule in GENERAL_RULES + CONTACT_RULES
         if any(rule(base, state, PreviousRows()) for state in states)
     }
-    assert len({*GENERAL_RULES, *CONTACT_RULES} - tried) == 5  # the rules of a path, and of yield
+    # The rules of a path, of yield and of a soft tip
+    assert len({*GENERAL_RULES, *CONTACT_RULES} - tried) == 8
 
 
 METAL = {"model": "linear_elastic", "E": 2.0, "nu": 0.3, "plasticity": {"yield_stress": 0.02}}
@@ -183,6 +185,28 @@ def test_work_of_a_body_that_yields() -> None:
     lost = replace(last, plastic_dissipation=0.8 * last.plastic_dissipation)
     found = violated_bound(base, lost, PreviousRows(earlier))
     assert found and "plastic flow" in found
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"plastic_dissipation": 0.5}, "dissipated by plastic flow"),
+        ({"force": 0.8, "delta": 1.1}, "fell while the tip went deeper"),
+        ({"force": 1.2, "delta": 0.95}, "grew while the tip went out"),
+        ({"force": 3.0, "delta": 1.01}, "that of an elastic body"),
+    ],
+)
+def test_rules_of_a_body_that_yields(change: dict[str, float], words: str) -> None:
+    """After in and out again; each number is a factor of the number of the last row."""
+    loading = {"deltas": [0.01, 0.02, 0.019, 0.0192, 0.03]}
+    base = scene(body="half_space", tip="paraboloid", material=METAL, loading=loading, mesh={})
+    first = replace(theorys(base, 0.02), plastic_dissipation=1e-4)
+    second = replace(theorys(base, 0.019, 2), plastic_dissipation=1e-4)
+    rows = PreviousRows([first, second])
+    third = replace(second, step=3, delta=second.delta * 1.001, force=second.force * 1.001)
+    assert violated_bound(base, third, rows) is None
+    wrong = {name: factor * getattr(second, name) for name, factor in change.items()}
+    assert words in (violated_bound(base, replace(third, **wrong), rows) or "")
 
 
 def test_a_tip_above_its_imprint() -> None:

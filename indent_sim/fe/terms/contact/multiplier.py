@@ -56,14 +56,14 @@ class SurfaceMultiplier:
             nodes = facet_nodes(body.mesh, body.unknowns.collapsed_space("lam"), facets)
             self.lam = body.now.fields["lam"]
             self.vector = body.x
-            self._node_dofs = body.unknowns.dofs("lam")[nodes]
+            self.node_dofs = body.unknowns.dofs("lam")[nodes]
         else:
             space = create_function_space(
                 body.mesh, compat.lagrange_element(body.body_mesh.dim, DISPLACEMENT_ORDER)
             )
             self.lam = fem.Function(space)
             self.vector = compat.petsc_vector(self.lam)
-            self._node_dofs = facet_nodes(body.mesh, space, facets)
+            self.node_dofs = facet_nodes(body.mesh, space, facets)
 
     def values_at_points(self, points: np.ndarray) -> np.ndarray:
         """The multiplier (facets, points) at points of the reference facet [pressure]."""
@@ -79,8 +79,8 @@ class SurfaceMultiplier:
             return self.values_at_points(points)
         nodal = interpolate_from_midpoints(
             self._nodal_values(),
-            lambda values: sum_nodal_contributions(self.vector, self._node_dofs, values)[
-                self._node_dofs
+            lambda values: sum_nodal_contributions(self.vector, self.node_dofs, values)[
+                self.node_dofs
             ],
         )
         return self._trace.interpolate(nodal[..., None], points)[..., 0]
@@ -88,7 +88,7 @@ class SurfaceMultiplier:
     def set_nodal_values(self, nodal: np.ndarray) -> None:
         """Set nodal values (facets, nodes), averaged at shared nodes [pressure] (collective)."""
         total, count = (
-            sum_nodal_contributions(self.vector, self._node_dofs, values)
+            sum_nodal_contributions(self.vector, self.node_dofs, values)
             for values in (nodal, np.ones_like(nodal))
         )
         with self.vector.localForm() as local:
@@ -96,4 +96,4 @@ class SurfaceMultiplier:
 
     def _nodal_values(self) -> np.ndarray:
         with self.vector.localForm() as local:
-            return local.array[self._node_dofs]
+            return local.array[self.node_dofs]
