@@ -211,6 +211,8 @@ times [time] $t_i$: times of the rows of a history; auto: every point, and enoug
 per_doubling [1]: number of time increments of equal length before the length doubles, in every
   segment of the history of a body that drains or whose shear modulus relaxes; default 4
 loading.slide: sideways motion of the tip at the last depth or force, which is held
+slide_history [time, length]: points [t, x] of the tip's horizontal displacement during a history of
+  a body that relaxes in shear or drains
 to [length] $x_i$: displacements to which the tip slides one after another, from where it was
   pressed in; one number is a scratch
 slide.steps [1]: number of rows on each stretch of the slide
