@@ -81,7 +81,8 @@ def _row_units(units: Mapping[str, str], is_flat: bool) -> dict[str, str]:
     force = units.get("force", "")
     if is_flat and force and length:
         force = f"{force}/{length}"
-    return {"t": "s" if length else "", "delta": length, "a": length, "force": force}
+    lengths = dict.fromkeys(("delta", "a", "x"), length)
+    return {"t": "s" if length else "", "force": force} | lengths
 
 
 def conclusion_lines(outcome: Outcome) -> list[str]:

@@ -56,8 +56,9 @@ class Body:
         Owned dofs constrained by supports and pins, by pins alone, and by any constraint.
     support_shares : dict
         Dofs and shares of each support, see `find_support_shares`.
-    slide : float
-        Current horizontal displacement of the tip from where it was pressed in [length].
+    slide, accepted_slide : float
+        Current and accepted horizontal displacement of the tip from where it was pressed in
+        [length].
     active_dof_count : int
         Number of dofs on all ranks, not counting constrained dofs of the additional fields.
     """
@@ -76,6 +77,7 @@ class Body:
         self.weight = scene.physics.domain.kinematics.integration_weight(self.X)
         self.dt = fem.Constant(self.mesh, 0.0)
         self.slide = 0.0
+        self.accepted_slide = 0.0
         self.now = self._create_time_level(self.unknowns.solution)
         self._before: TimeLevel | None = None
         self.trace, self.noncontact_trace = map(
@@ -127,6 +129,7 @@ class Body:
 
     def accept(self) -> None:
         """Make the current state the accepted state."""
+        self.accepted_slide = self.slide
         if self._before:
             self._before.function.x.array[:] = self.now.function.x.array
             self._before.delta.value = self.now.delta.value

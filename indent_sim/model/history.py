@@ -26,12 +26,25 @@ class History:
 
     The value is linear between `points` (t, value); two equal times define a jump. Before the first
     point the body is undeformed. `times` are the times of the output rows; if empty, every point is
-    a row, and rows are added between them for a smooth curve.
+    a row, and rows are added between them for a smooth curve. `slide_points` (t, x) are the
+    horizontal displacements of the tip from where it is pressed in [length], linear between them;
+    before the first and after the last one the tip does not slide.
     """
 
     control: Control
     points: tuple[tuple[float, float], ...]
     times: tuple[float, ...] = ()
+    slide_points: tuple[tuple[float, float], ...] = ()
+
+    def slide_at(self, t: float) -> float:
+        """Return the horizontal displacement of the tip at a time [length]; 0 without a slide."""
+        if not self.slide_points:
+            return 0.0
+        next_index = bisect_right(self.slide_points, (t, inf))
+        if next_index == 0:
+            return 0.0
+        (t0, x0), (t1, x1) = (*self.slide_points, (inf, 0.0))[next_index - 1 : next_index + 1]
+        return x0 + (x1 - x0) * (t - t0) / (t1 - t0) if t1 < inf else x0
 
     @property
     def largest_value(self) -> float:
@@ -63,7 +76,8 @@ class History:
     @property
     def shortest_segment(self) -> float:
         """Shortest non-zero time between two successive points [time]."""
-        return min(end - start for (start, _), (end, _) in pairwise(self.points) if end > start)
+        times = sorted({t for t, _ in (*self.points, *self.slide_points)})
+        return min(end - start for start, end in pairwise(times) if end > start)
 
     @property
     def shortest_time_to_row(self) -> float:
@@ -155,10 +169,14 @@ class History:
         # Rows in each segment of a history on the whole body.
         segment_rows = 20
         return self._path_at_fractions(
-            lambda span, moves: [k / segment_rows for k in range(1, segment_rows)] if moves else []
+            lambda span, moves, x: (
+                [k / segment_rows for k in range(1, segment_rows)] if moves else []
+            )
         )
 
-    def time_stepped_path(self, first_step: float, per_doubling: int) -> LoadPath:
+    def time_stepped_path(
+        self, first_step: float, per_doubling: int, longest_slide: float = inf
+    ) -> LoadPath:
         """Return the load path of a time-dependent body, in which every time increment is a row.
 
         Parameters
@@ -168,6 +186,8 @@ class History:
         per_doubling : int
             Number of increments of each length before the length doubles. A segment with a moving
             tip has at least 5 * per_doubling increments.
+        longest_slide : float
+            Largest distance over which the tip slides in one increment [length].
 
         Returns
         -------
@@ -176,29 +196,34 @@ class History:
             increments between the rows.
         """
 
-        def step_fractions(span: float, moves: bool) -> list[float]:
+        def step_fractions(span: float, moves: bool, distance: float) -> list[float]:
             """Return the ends of the increments in a segment as fractions of its span."""
             # A segment with a moving tip has at least `per_doubling` times as many time increments.
             least_steps = 5
             longest = span / (least_steps * per_doubling) if moves else inf
+            if distance:
+                longest = min(longest, span * longest_slide / distance)
             return [t / span for t in doubling_times(span, first_step, per_doubling, longest)]
 
         return replace(self._path_at_fractions(step_fractions), start_time=self.points[0][0])
 
     def _path_at_fractions(
-        self, fractions_of: Callable[[float, bool], Sequence[float]]
+        self, fractions_of: Callable[[float, bool, float], Sequence[float]]
     ) -> LoadPath:
         """Return the load path with rows at fractions of each segment's duration and at its end.
 
-        `fractions_of(duration, tip_moves)` returns the fractions of a segment.
+        `fractions_of(duration, tip_moves, distance)` returns the fractions of a segment along which
+        the tip slides over a distance.
         """
         rows = (
             []
             if len(self.points_from_rest) > len(self.points)
             else [HistoryRow(*self.points[0], "approach")]
         )
-        for (t0, v0), (t1, v1) in pairwise(self.points_from_rest):
-            fractions = fractions_of(t1 - t0, v1 != v0) if t1 > t0 else ()
+        for (t0, v0), (t1, v1) in pairwise(self._points_of_both_motions):
+            distance = abs(self.slide_at(t1) - self.slide_at(t0))
+            moves = v1 != v0 or distance > 0
+            fractions = fractions_of(t1 - t0, moves, distance) if t1 > t0 else ()
             branch = branch_of(v0, v1)
             rows += [
                 HistoryRow(t0 + (t1 - t0) * fraction, v0 + (v1 - v0) * fraction, branch)
@@ -210,7 +235,16 @@ class History:
         values, times, branches = zip(
             *((row.value, row.t, row.branch) for row in rows), strict=True
         )
-        return LoadPath(self.control, values, times, branches)
+        slides = tuple(map(self.slide_at, times)) if self.slide_points else ()
+        return LoadPath(self.control, values, times, branches, slides=slides)
+
+    @property
+    def _points_of_both_motions(self) -> tuple[tuple[float, float], ...]:
+        """The points of `points_from_rest` and those at which the slide changes its speed."""
+        points = self.points_from_rest
+        first, last = points[0][0], points[-1][0]
+        times = tuple(t for t, _ in self.slide_points if first <= t <= last)
+        return replace(self, points=points, times=times).with_row_times_inserted.points
 
     def _path_at_times(self, rows: Sequence[HistoryRow]) -> LoadPath:
         """Return the load path with rows at `times`; the given rows become points between them.
@@ -234,11 +268,37 @@ class History:
         branches = tuple(rows[row_index].branch for row_index in row_indices)
         turns = tuple(tuple(row.value for row in segment) for segment in segments)
         turn_times = tuple(tuple(row.t for row in segment) for segment in segments)
-        return LoadPath(self.control, values, self.times, branches, turns, turn_times)
+        slides: tuple[float, ...] = ()
+        turn_slides: tuple[tuple[float, ...], ...] = ()
+        if self.slide_points:
+            slides = tuple(map(self.slide_at, self.times))
+            turn_slides = tuple(tuple(map(self.slide_at, segment)) for segment in turn_times)
+        return LoadPath(
+            self.control,
+            values,
+            self.times,
+            branches,
+            turns,
+            turn_times,
+            slides=slides,
+            turn_slides=turn_slides,
+        )
 
-    def nondimensionalize(self, unit: float) -> History:
-        """Return the same history with its values in multiples of `unit`; times do not change."""
-        return replace(self, points=tuple((t, value / unit) for t, value in self.points))
+    def nondimensionalize(self, unit: float, length: float = 1.0) -> History:
+        """Return the same history in multiples of scales; times do not change.
+
+        Parameters
+        ----------
+        unit : float
+            Scale of the values.
+        length : float
+            Scale of the displacements of a slide [length].
+        """
+        return replace(
+            self,
+            points=tuple((t, value / unit) for t, value in self.points),
+            slide_points=tuple((t, x / length) for t, x in self.slide_points),
+        )
 
 
 def doubling_times(

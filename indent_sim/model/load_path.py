@@ -60,6 +60,8 @@ class LoadPath:
     slides
         For each row, the horizontal displacement of the tip from where it was pressed in [length];
         empty if the tip does not slide.
+    turn_slides
+        Displacements of the tip at `turns` [length]; empty if there are none, or without a slide.
     slide_axis
         Horizontal axis along which the tip slides: 0 (x) or 1 (y).
     unloading
@@ -75,6 +77,7 @@ class LoadPath:
     turn_times: tuple[tuple[float, ...], ...] = ()
     start_time: float | None = None
     slides: tuple[float, ...] = ()
+    turn_slides: tuple[tuple[float, ...], ...] = ()
     slide_axis: int = 0
     unloading: Unloading | None = None
 
@@ -82,9 +85,18 @@ class LoadPath:
         """Return the horizontal displacement of the tip at a row [from 1, or 0: the beginning]."""
         return self.slides[step - 1] if self.slides and step else 0.0
 
+    def segment_slides(self, step: int) -> tuple[float, ...]:
+        """Return the displacement of the tip at each point of `segment` [length]."""
+        if not self.slides:
+            return (0.0,) * len(self.segment(step))
+        if self.turn_slides:
+            return (*self.turn_slides[step - 1], self.slides[step - 1])
+        turns = self.turns[step - 1] if self.turns else ()
+        return (self.slides[step - 1],) * (len(turns) + 1)
+
     def track(self, center: tuple[float, ...]) -> TipTrack:
         """Return the track of a tip that is pressed in at a horizontal position [length]."""
-        ends = (0.0, *self.slides)
+        ends = (0.0, *self.slides, *chain(*self.turn_slides))
         return TipTrack(center, self.slide_axis, min(ends), max(ends))
 
     def with_halved_increments(self) -> LoadPath:
@@ -93,34 +105,34 @@ class LoadPath:
         The mean of two successive values is inserted between them, so that each row becomes two
         rows.
         """
-        rows: list[tuple[float, float]] = []
-        turns: list[tuple[tuple[float, float], ...]] = []
-        previous_point = (0.0, 0.0)
+        rows: list[tuple[float, float, float]] = []
+        turns: list[tuple[tuple[float, float, float], ...]] = []
+        previous_point = (0.0, 0.0, 0.0)
         for step in range(1, len(self.values) + 1):
+            points = [
+                (*point, x)
+                for point, x in zip(self.segment(step), self.segment_slides(step), strict=True)
+            ]
             refined_points = [
                 point
-                for a, b in pairwise((previous_point, *self.segment(step)))
+                for a, b in pairwise((previous_point, *points))
                 for point in (_midpoint(a, b), b)
             ]
             rows += refined_points[-2:]
             turns += [tuple(refined_points[:-2]), ()]
             previous_point = refined_points[-1]
-        values, times = zip(*rows, strict=True)
+        values, times, slides = zip(*rows, strict=True)
         segment_points = (
-            [tuple(zip(*segment, strict=True)) or ((), ()) for segment in turns]
+            [tuple(zip(*segment, strict=True)) or ((), (), ()) for segment in turns]
             if self.turns
             else []
         )
-        slides = [
-            x
-            for step in range(1, len(self.slides) + 1)
-            for x in ((self.slide(step - 1) + self.slide(step)) / 2, self.slide(step))
-        ]
         path = LoadPath(
             self.control,
             values,
-            turns=tuple(depths for depths, _ in segment_points),
-            slides=tuple(slides),
+            turns=tuple(depths for depths, _, _ in segment_points),
+            slides=slides if self.slides else (),
+            turn_slides=tuple(x for *_, x in segment_points) if self.turn_slides else (),
             slide_axis=self.slide_axis,
             unloading=self.unloading
             and replace(
@@ -131,7 +143,7 @@ class LoadPath:
             return path
         row_times = tuple(self.start_time + t for t in times)
         turn_times = tuple(
-            tuple(self.start_time + t for t in segment) for _, segment in segment_points
+            tuple(self.start_time + t for t in segment) for _, segment, _ in segment_points
         )
         return replace(
             path,
@@ -187,14 +199,16 @@ class LoadPath:
         points between the previous row and an omitted row are added to the next row.
         """
         rows: list[int] = []
-        segments: list[list[tuple[float, float]]] = []
-        pending_points: list[tuple[float, float]] = []
+        segments: list[list[tuple[float, float, float]]] = []
+        pending_points: list[tuple[float, float, float]] = []
         for step in range(1, len(self.values) + 1):
-            continuous_points = [
-                point
-                for point, sudden in zip(self.segment(step), self._sudden_points(step), strict=True)
-                if not sudden
-            ]
+            points = zip(
+                self.segment(step),
+                self.segment_slides(step),
+                self._sudden_points(step),
+                strict=True,
+            )
+            continuous_points = [(*point, x) for point, x, sudden in points if not sudden]
             pending_points += continuous_points
             if self._sudden_points(step)[-1]:
                 continue
@@ -204,9 +218,12 @@ class LoadPath:
         start_time = self.start_time or 0.0
         turns: tuple[tuple[float, ...], ...] = ()
         turn_times: tuple[tuple[float, ...], ...] = ()
+        turn_slides: tuple[tuple[float, ...], ...] = ()
         if any(segments):
-            turns = tuple(tuple(value for value, _ in segment) for segment in segments)
-            turn_times = tuple(tuple(start_time + t for _, t in segment) for segment in segments)
+            turns = tuple(tuple(value for value, _, _ in segment) for segment in segments)
+            turn_times = tuple(tuple(start_time + t for _, t, _ in segment) for segment in segments)
+        if any(segments) and self.slides:
+            turn_slides = tuple(tuple(x for *_, x in segment) for segment in segments)
         return replace(
             self,
             values=tuple(self.values[row] for row in rows),
@@ -214,6 +231,8 @@ class LoadPath:
             branches=tuple(self.branches[row] for row in rows),
             turns=turns,
             turn_times=turn_times,
+            slides=tuple(self.slides[row] for row in rows) if self.slides else (),
+            turn_slides=turn_slides,
         )
 
     def first_rows(self, count: int) -> LoadPath:
@@ -226,6 +245,7 @@ class LoadPath:
             turns=self.turns[:count],
             turn_times=self.turn_times[:count],
             slides=self.slides[:count],
+            turn_slides=self.turn_slides[:count],
         )
 
     def segment(self, step: int) -> tuple[tuple[float, float], ...]:
@@ -256,6 +276,7 @@ class LoadPath:
             values=tuple(value / unit for value in self.values),
             turns=turns,
             slides=tuple(x / length for x in self.slides),
+            turn_slides=tuple(tuple(x / length for x in segment) for segment in self.turn_slides),
             unloading=self.unloading and replace(self.unloading, to=self.unloading.to / unit),
         )
 
@@ -282,6 +303,8 @@ class LoadPath:
         return frozenset(rows)
 
 
-def _midpoint(a: tuple[float, float], b: tuple[float, float]) -> tuple[float, float]:
-    """Return the point halfway between two points (value, time)."""
-    return (a[0] + b[0]) / 2, (a[1] + b[1]) / 2
+def _midpoint(
+    a: tuple[float, float, float], b: tuple[float, float, float]
+) -> tuple[float, float, float]:
+    """Return the point halfway between two points (value, time, slide)."""
+    return (a[0] + b[0]) / 2, (a[1] + b[1]) / 2, (a[2] + b[2]) / 2

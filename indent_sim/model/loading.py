@@ -106,6 +106,9 @@ class Loading:
     means delta = 0, where the tip just touches; after yield it means the depth at which it lets go.
 
     With `slide` the tip then moves sideways at the last depth or force, with `unload` it goes back.
+    With `slide_history` it moves along x during a history: points [t, x] with the displacement from
+    where it is pressed in [length], beginning at x = 0, linear between the points, and at rest
+    before and after them. The body must relax in shear or drain.
     """
 
     delta: Length | None = None
@@ -120,7 +123,13 @@ class Loading:
     times: Annotated[tuple[float, ...], Len(1, MAX_STEPS), TIME] | Auto = "auto"
     per_doubling: Annotated[int, Ge(2), Le(1000)] | None = None
     slide: Slide | None = None
+    slide_history: Annotated[tuple[HistoryPoint, ...], Len(2, MAX_HISTORY_POINTS)] | None = None
     unload: Unload | None = None
+
+    @property
+    def slides(self) -> bool:
+        """True if the tip slides."""
+        return self.slide is not None or self.slide_history is not None
 
     @property
     def given_path_keys(self) -> tuple[str, ...]:
@@ -140,7 +149,7 @@ class Loading:
         if not points:
             return None
         control = "depth" if self.history else "force"
-        return History(control, points, times)  # type: ignore[arg-type]
+        return History(control, points, times, self.slide_history or ())  # type: ignore[arg-type]
 
     def path(self) -> LoadPath:
         """Return the load path of a time-independent loading."""

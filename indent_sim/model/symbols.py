@@ -171,8 +171,8 @@ rotation [degrees]: rotation of the pyramid about z; at 0 the normal of one face
 points [length] $(r_i, z_i)$: points [r, z] of the profile from the apex [0, 0] outwards, connected
   by straight lines
 edge_radius [length] $\rho$: radius that rounds the edge of the flat punch; 0: sharp
-indenter.material: law of a soft tip, linear elastic or, on a hyperelastic body, hyperelastic;
-  default: the tip is rigid
+indenter.material: law of a soft tip: linear elastic, or hyperelastic on a hyperelastic body; by
+  default the tip is rigid
 indenter.thickness [length]: thickness of a soft tip: distance from its lowest point to the rigid
   holder to which it is bonded, of a sphere or paraboloid at most R, by default R, half a ball
 center [length] $(x_0, y_0)$: position of the tip's axis, [x, y], for a strip [x]; default: axis of
@@ -211,6 +211,8 @@ times [time] $t_i$: times of the rows of a history; auto: every point, and enoug
 per_doubling [1]: number of time increments of equal length before the length doubles, in every
   segment of the history of a body that drains or whose shear modulus relaxes; default 4
 loading.slide: sideways motion of the tip at the last depth or force, which is held
+slide_history [time, length]: points [t, x] of the tip's horizontal displacement during a history of
+  a body that relaxes in shear or drains
 to [length] $x_i$: displacements to which the tip slides one after another, from where it was
   pressed in; one number is a scratch
 slide.steps [1]: number of rows on each stretch of the slide

@@ -230,10 +230,11 @@ class SingleRun:
                 self._solver.resume(saved.equilibria, [], saved.step, saved.pull_off_points)
             self._first_step = saved.step
             return
+        path = self._path
         points_passed = [
-            (value, t, physics.path.slide(step))
+            (*point, slide)
             for step in range(saved.step + 1, row_count + 1)
-            for value, t in self._path.segment(step)
+            for point, slide in zip(path.segment(step), path.segment_slides(step), strict=True)
         ]
         # The depths of prescribed forces are known from the rows.
         if physics.path.control != "depth":

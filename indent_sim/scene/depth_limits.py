@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 from math import isfinite
 from typing import Any
@@ -295,6 +296,15 @@ def _tip_heights(tip: Indenter, points: Points, center: Center) -> Any:
     return tip.height(points[0] - along_x, points[1] - along_y)
 
 
+def _with_slides_of(history: History, path: LoadPath) -> LoadPath:
+    """Return a path that goes on to each displacement of the tip in a history."""
+    if not history.slide_points:
+        return path
+    displacements = tuple(x for _, x in history.slide_points)
+    slides = (0.0,) * len(path.values) + displacements
+    return replace(path, values=path.values + path.values[-1:] * len(displacements), slides=slides)
+
+
 def path_to_max_depth(
     history: History,
     least_modulus_fraction: float,
@@ -303,6 +313,8 @@ def path_to_max_depth(
     layers: Sequence[Layer],
 ) -> LoadPath:
     """Return a path in equal steps to an upper bound of the depth or force of a history.
+
+    If the tip slides during the history, it then slides to each of its displacements.
 
     Parameters
     ----------
@@ -327,9 +339,10 @@ def path_to_max_depth(
     """
     largest = history.largest_value
     if history.control == "force":
-        return Loading(force=largest / least_modulus_fraction).path()
+        path = Loading(force=largest / least_modulus_fraction).path()
+        return _with_slides_of(history, path)
     if not compliance:
-        return Loading(delta=largest).path()
+        return _with_slides_of(history, Loading(delta=largest).path())
     # This import takes 0.2 s, which scenes without a spring need not spend.
     from scipy.optimize import brentq
 

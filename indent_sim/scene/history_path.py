@@ -24,6 +24,8 @@ from indent_sim.scene.problem_setup import ProblemSetup
 # A sudden change of the bath at finite strain is applied over this many first steps, since Newton's
 # method does not find a surface layer that swells at once.
 RAMP_STEPS = 8.0
+# A tip that slides needs this many contact radii for `steps_per_doubling` time steps.
+SLIDE_FRACTION = 0.5
 # The first step is at least this part of the shortest segment of a history.
 MIN_STEP_FRACTION = 1e-3
 # First step of a body that creeps, relative to the shortest segment of its history.
@@ -63,7 +65,9 @@ def problem_along_history(
         physics = replace(physics, domain=_expand_relaxation(physics, setup.history))
         physics = replace(physics, bath_ramp=bath_ramp_time(setup, physics))
         path = setup.history.time_stepped_path(
-            first_step(setup, physics, h_contact), setup.steps_per_doubling
+            first_step(setup, physics, h_contact),
+            setup.steps_per_doubling,
+            SLIDE_FRACTION * setup.a / setup.steps_per_doubling,
         )
         if is_undrained_incompressible(physics) and not has_drained_surface(physics):
             problem = (

@@ -335,7 +335,9 @@ def _set_up(
     material = scales.nondimensionalize(material)
     layers = tuple(map(scales.nondimensionalize, layers))
     center = tuple(round_length(c / scales.length) for c in center)
-    history = history and history.nondimensionalize(scales.control_unit(history.control))
+    history = history and history.nondimensionalize(
+        scales.control_unit(history.control), scales.length
+    )
     path = path.nondimensionalize(scales.control_unit(path.control), scales.length)
     domain, domain_reason = _model_domain(
         config, body, imported_mesh, path.track(center), tip, layers, scales

@@ -19,9 +19,10 @@ from indent_sim.run.planned_run import PlannedRun
 
 
 def metal(ratio: float, mesh: dict[str, float] | None = None, **loading: Any) -> Config:
-    """Cone of 70.3 degrees on a half-space with a yield stress of 1 and E = ratio."""
+    """Cone of 70.3 degrees on a half-space with a yield stress of 1 GPa and E = ratio GPa."""
     plasticity = {"yield_stress": 1.0}
     document: dict[str, Any] = {
+        "units": {"length": "um", "force": "mN"},
         "body": {"shape": "half_space"},
         "material": {"model": "hencky", "E": ratio, "nu": 0.3, "plasticity": plasticity},
         "indenter": {"shape": "cone", "half_angle": 70.3},

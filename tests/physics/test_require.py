@@ -58,6 +58,7 @@ NAMES = [
     "blunt_tip",
     "bond_below",
     "soft_tip",
+    "plasticity",
     "tilt",
     "lateral",
     "surface_tension",

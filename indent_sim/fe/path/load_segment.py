@@ -48,9 +48,9 @@ class LoadSegment:
             return self.end
         if self.has_duration:
             fraction = (coordinate - self.begin.t) / (self.end.t - self.begin.t)
-            return LoadPoint(
-                self.begin.delta + fraction * (self.end.delta - self.begin.delta), coordinate
-            )
+            depth = self.begin.delta + fraction * (self.end.delta - self.begin.delta)
+            slide = self.begin.slide + fraction * (self.end.slide - self.begin.slide)
+            return LoadPoint(depth, coordinate, slide)
         if self.slides:
             fraction = (coordinate - self.begin.slide) / (self.end.slide - self.begin.slide)
             depth = self.begin.delta + fraction * (self.end.delta - self.begin.delta)
@@ -58,8 +58,12 @@ class LoadSegment:
         return LoadPoint(coordinate, self.begin.t, self.begin.slide)
 
     def coordinate_length(self, length: float) -> float:
-        """Convert a depth interval to an interval of the coordinate; infinite at constant depth."""
+        """Convert a length to an interval of the coordinate; infinite if the tip does not move.
+
+        In an interval of time neither the depth nor the slide changes by more than the length.
+        """
         if not self.has_duration:
             return length
         depth_change = abs(self.end.delta - self.begin.delta)
-        return length * abs(self.end.t - self.begin.t) / depth_change if depth_change else inf
+        distance = max(depth_change, abs(self.end.slide - self.begin.slide))
+        return length * abs(self.end.t - self.begin.t) / distance if distance else inf

@@ -126,7 +126,7 @@ class LoadStepper:
         if self._adhesion_range:
             longest_step = min(longest_step, LONGEST_STEP_RANGES * self._adhesion_range)
             always_tried_step = SNAP_STEP_RANGES / 4 * self._adhesion_range
-        if segment and segment.slides:
+        if segment and segment.slides and not segment.has_duration:
             # Increments of a slide have the same largest length as increments of the depth.
             return StepSizeControl(longest_step, -inf)
         if segment and segment.has_duration:
@@ -419,10 +419,11 @@ class LoadStepper:
         for step, value in enumerate(path.values[done:], start=done + 1):
             statistics_before = body.statistics
             substeps = 0
-            slide = path.slide(step)
-            if unloading and step > unloading.start:
+            goes_back = unloading is not None and step > unloading.start
+            if unloading is not None and goes_back:
                 substeps = self._step_back(unloading, step, depths)
-            for depth, t in () if unloading and step > unloading.start else path.segment(step):
+            points = zip(path.segment(step), path.segment_slides(step), strict=True)
+            for (depth, t), slide in () if goes_back else points:
                 if substeps:  # the last equilibrium is a load point between two rows
                     self._record_unloading_point()
                 segment_substeps = (
@@ -459,7 +460,7 @@ class LoadStepper:
                 "wall_s": time.perf_counter() - self.started,
             }
             if path.slides:
-                values["x"] = slide
+                values["x"] = path.slide(step)
             if path.times:
                 values |= {"t": path.times[step - 1], "branch": path.branches[step - 1]}
             depths.append(self._last_point.delta)
@@ -560,6 +561,7 @@ class LoadStepper:
         """
         start_time = self._last_point.load_point.t
         start_force = self.equilibrium.force
+        start_slide = self._last_point.load_point.slide
         substeps = self._find_depth_of_force(force, t, step, slide)
         if substeps or not halvings or t == start_time:
             return substeps
@@ -569,11 +571,14 @@ class LoadStepper:
         self.restore_last()
         middle_force = (start_force + force) / 2
         middle_time = (start_time + t) / 2
-        return (
-            (first_substeps := self._step_to_force(middle_force, middle_time, step, halvings - 1))
-            and (last_substeps := self._step_to_force(force, t, step, halvings - 1))
-            and first_substeps + last_substeps
+        middle_slide = (start_slide + slide) / 2
+        first_substeps = self._step_to_force(
+            middle_force, middle_time, step, halvings - 1, middle_slide
         )
+        if not first_substeps:
+            return 0
+        last_substeps = self._step_to_force(force, t, step, halvings - 1, slide)
+        return last_substeps and first_substeps + last_substeps
 
     def _find_depth_of_force(self, force: float, t: float, step: int, slide: float) -> int:
         """Search for the depth of a force at a time; return the increments made, 0 on failure."""
@@ -668,7 +673,9 @@ class LoadStepper:
             gap = smallest_gap(self.equilibrium.observed_body)
             if gap > 0 and gap >= lift * (1 - 1 / clearance_factor):
                 # The tip overlaps the body by 1e-9 of its height, so that there is a contact
-                touch = LoadPoint(lifted_depth + gap - 1e-9 * height, self._search_time)
+                touch = LoadPoint(
+                    lifted_depth + gap - 1e-9 * height, self._search_time, self._search_slide
+                )
                 self._last_rise = abs(touch.delta - depth_before)
                 substeps = self._step_to(touch)
                 self._substeps += substeps
@@ -767,7 +774,7 @@ class LoadStepper:
         else:
             crosses = last_depth < 0 < target_point.delta
         if crosses and target_point.t == self._last_point.load_point.t:
-            return LoadPoint(attraction_depth, target_point.t)
+            return LoadPoint(attraction_depth, target_point.t, self._last_point.load_point.slide)
         return None
 
     def _try_load_point(self, load_point: LoadPoint) -> bool:

@@ -149,9 +149,11 @@ class BodyEquilibrium:
         state_before = self.problem.trial_state()
         earlier_states = self._extrapolation_states
         self._extrapolation_states = ()
-        self.problem.body.slide_tip(slide)
+        start_slide = self.problem.body.accepted_slide
         for stage in self.problem.stages(dt):
             is_last = stage.end_fraction == 1.0
+            stage_slide = start_slide + stage.end_fraction * (slide - start_slide)
+            self.problem.body.slide_tip(slide if is_last else stage_slide)
             if earlier_states and dt:
                 self._set_extrapolated_state(
                     start_depth + stage.end_fraction * (depth - start_depth), earlier_states

@@ -69,7 +69,7 @@ def draw_force_indentation(results: Results, path: Path | str) -> None:
         name = "measured" if results.report.get(MEASURED) else "this run"
         draw_forces(panels["force"], [results], theory, [name])
         if side_force:
-            _draw_side_force(panels[SIDE_PANEL], results, side_force)
+            draw_side_force(panels[SIDE_PANEL], results, side_force)
         if radius_panel:
             _draw_radius(panels["a"], [results], theory)
         imprint = imprint_step(results)
@@ -374,7 +374,7 @@ def slide_force_column(results: Results) -> str:
     return name if name in results.table and np.any(results.table.get("x", 0.0)) else ""
 
 
-def _draw_side_force(axes: Axes, results: Results, side_force: str) -> None:
+def draw_side_force(axes: Axes, results: Results, side_force: str) -> None:
     """Draw the side force over the slide, with the work and the dissipation of the last loop."""
     slide = axis_of_column("x", [results])
     force = axis_of_column(side_force, [results])

@@ -20,7 +20,12 @@ from indent_sim.results.pictures.figures import (
     new_figure,
     save,
 )
-from indent_sim.results.pictures.forces import subtitle
+from indent_sim.results.pictures.forces import (
+    SIDE_PANEL,
+    draw_side_force,
+    slide_force_column,
+    subtitle,
+)
 from indent_sim.results.reader import Results
 from indent_sim.results.result_files import Report
 
@@ -54,6 +59,8 @@ def draw(results: Results, path: Path) -> None:
                     axis_of_column("delta", [results]),
                     axis_of_column("force", [results]),
                 )
+            elif name == SIDE_PANEL:
+                draw_side_force(panel_axes[name], results, slide_force_column(results))
             else:
                 _draw_over_time(panel_axes[name], results, name)
         _draw_limits(results, panel_axes, panel_axes[panels[0]])
@@ -67,7 +74,7 @@ def draw(results: Results, path: Path) -> None:
 
 
 def panel_names(results: Results) -> list[str]:
-    """Return the panels: "curve" for force over depth, and columns drawn over time."""
+    """Return the panels: force over depth, columns drawn over time, side force over the slide."""
     force = results["force"]
     delta = results["delta"]
     is_loaded = bool(np.any(force != 0))
@@ -78,6 +85,7 @@ def panel_names(results: Results) -> list[str]:
     names += (
         ["pore_pressure_max"] if np.any(results.table.get("pore_pressure_max", 0.0) > 0) else []
     )
+    names += [SIDE_PANEL] if slide_force_column(results) else []
     return names or ["force"]
 
 

@@ -37,7 +37,7 @@ Engineering (Hermosa, 1998).
 from __future__ import annotations
 
 from dataclasses import replace
-from math import inf, nan, pi, sqrt
+from math import inf, isfinite, nan, pi, sqrt
 from typing import Any
 
 import numpy as np
@@ -451,6 +451,8 @@ class ErrorBars:
             # A side force that changes its sign has the error of the largest side force.
             value = max(value, self._largest_side_force(state))
         min_error = RADIUS_ERROR * end_element / state.a * value if state.a > 0 else 0.0
+        if name in self._side_forces:
+            min_error = max(min_error, self._unbalanced_slope_force(state, end_element))
         if name == "p_max":
             # With contact closed by swelling, p_max occurs in the element that came into contact
             # last. Its position relative to the contact edge differs from mesh to mesh, so that
@@ -540,6 +542,20 @@ class ErrorBars:
             return float(law.friction) * abs(state.force)
         name = self._physics.slide_force_column
         return max(abs(getattr(row, name) or 0.0) for row in self._run_states.values())
+
+    def _unbalanced_slope_force(self, state: State, end_element: float) -> float:
+        """Return the side force on the slope of the tip [force] by an error of the contact's ends.
+
+        If one end of the contact moves by its error, its middle moves by half of it, and the force
+        acts where the slope of the tip is that of the edge times this part of the radius.
+        """
+        tip = self._physics.indenter
+        if not tip.is_axisymmetric or state.a <= 0:
+            return 0.0
+        slope = float(abs(tip.slope(state.a / self._scales.length)))
+        shift = RADIUS_ERROR * end_element / 2
+        # Beyond the end of a tip its slope is infinite or not a number.
+        return abs(state.force) * slope * shift / state.a if isfinite(slope) else 0.0
 
     def _error_of_slide_dissipation(self, state: State) -> float:
         """Return the error of the dissipation that follows from that of the side force Q [energy].

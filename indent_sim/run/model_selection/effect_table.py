@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import partial
-from math import asin, degrees, hypot, inf
+from math import asin, degrees, hypot, inf, isfinite
 from typing import Any
 
 from indent_sim.config.schema import Config, MeshSettings
@@ -20,6 +20,7 @@ from indent_sim.model.imported_body import MeshFromFile
 from indent_sim.model.layers import Layer
 from indent_sim.model.linear_elasticity import LinearElastic
 from indent_sim.model.loading import Loading
+from indent_sim.model.materials import YieldingLaw
 from indent_sim.model.spherical_bodies import Ball, Cap
 from indent_sim.model.tilted_tip import largest_tilt, tilted
 from indent_sim.model.tips import (
@@ -52,6 +53,11 @@ from indent_sim.run.model_selection.variants import (
     linear_law,
     remove_inclusion_contrast,
     replace_sections,
+)
+from indent_sim.run.model_selection.yield_effect import (
+    significant_yield_stress,
+    yield_needs,
+    yield_source,
 )
 from indent_sim.scene.prescribed_history import remaining_modulus_fraction
 
@@ -655,6 +661,22 @@ EFFECTS: dict[str, Cases] = {
             displayed_value=lambda v, x: 1 / x,
             direction=" or less",
         ),
+    ),
+    "plasticity": (
+        Absent(
+            "only linear_elastic and hencky bodies may yield",
+            when=lambda v: not isinstance(v.scene.physics.material, YieldingLaw),
+        ),
+        Absent(
+            "a body that is time-dependent or adhesive may not yield here",
+            when=lambda v: v.relaxation or v.scene.physics.contact.may_snap_through,
+        ),
+        Unknown(
+            yield_source,
+            when=lambda v: isfinite(significant_yield_stress(v)),
+            needs=yield_needs,
+        ),
+        Absent("not estimated: no theory gives the stress of this tip and body"),
     ),
     "tilt": (
         Absent("a tilt does not change a sphere", when=lambda v: isinstance(v.tip, Sphere)),

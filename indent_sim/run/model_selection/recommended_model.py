@@ -121,6 +121,12 @@ def require(config: Config, within: float = 0.01) -> Requirements:
 
 def _requirements(config: Config, within: float) -> Requirements:
     """Return the requirements of a scene; see `require`."""
+    if config.loading.slide_history is not None:
+        raise ConfigError(
+            "loading.slide_history",
+            "has a side force in time, but models are compared by their force at one depth",
+            "leave it out to find the simplest model for the force alone",
+        )
     scene = resolve(config)
     if scene.physics.yields:
         return _yielding_requirements(config, scene, within)

@@ -1,16 +1,28 @@
-"""Effect of yield on the force of a scene."""
+"""Effect of yield on the force of a scene, with and without plasticity."""
 
 from __future__ import annotations
 
+from math import nan, sqrt
+
+import numpy as np
+
 from indent_sim.config.schema import Config
 from indent_sim.model.loading import Loading
+from indent_sim.model.tips import max_radius
 from indent_sim.process.errors import ConfigError
 from indent_sim.run.model_selection import variants
 from indent_sim.run.model_selection.effects import Effect
+from indent_sim.run.model_selection.scene_variants import SceneVariants
 from indent_sim.run.model_selection.variant_solver import VariantSolver
+from indent_sim.scene.reference_theory import relative_tip
 from indent_sim.scene.scene import Scene
+from indent_sim.theory.yielding import YieldingSolid, onset_pressure
 
 NAME = "plasticity"
+# Depth over that at the onset of yield under a sphere, and the loss of force there [-], at small
+# strain without hardening and E/sigma_y = 1000. Checked: tests/physics/test_yielding_contact.py.
+DEPTH_RATIOS = (1.0, 2.0, 3.0, 5.0, 8.0, 12.0)
+FORCE_LOSSES = (0.0, 0.01, 0.03, 0.09, 0.15, 0.21)
 
 
 def elastic_variant(config: Config) -> Config:
@@ -55,3 +67,72 @@ def yield_effect(config: Config, scene: Scene, elastic: Config) -> Effect:
     percent = 100 * (yielding / solver.force(elastic) - 1)
     source = f"with and without plasticity, on meshes{beginning}"
     return Effect(NAME, percent, percent, percent, source)
+
+
+def onset_yield_stress(v: SceneVariants) -> float:
+    """Return the yield stress at which yield begins at the largest depth [pressure].
+
+    It follows from the largest contact pressure of the reference theory, as in a Hertzian contact.
+    NaN without a theory, and infinite or NaN under a sharp tip.
+    """
+    scene = v.scene
+    solution = scene.theory_solution(max(scene.physics.deltas))
+    if solution is None or scene.physics.is_compressed:
+        return nan
+    ratio = onset_pressure(scene.physics.material.constants.nu)
+    return solution.largest_pressure() * scene.physics.scales.pressure / ratio
+
+
+def significant_yield_stress(v: SceneVariants) -> float:
+    """Return the yield stress at which yield changes the force by the tolerance [pressure].
+
+    Under a round tip it follows from the onset of yield, under a sharp one from the estimate of
+    `YieldingSolid`; NaN if it is not known.
+    """
+    onset = onset_yield_stress(v)
+    if onset == onset:
+        depth_ratio = float(np.interp(v.tolerance, FORCE_LOSSES, DEPTH_RATIOS))
+        return onset / sqrt(depth_ratio)
+    physics = v.scene.physics
+    solution = v.scene.theory_solution(physics.max_depth)
+    tip = relative_tip(physics.indenter, physics.body)
+    if solution is None or physics.is_compressed or solution.a >= max_radius(tip):
+        return nan
+    if tip.radius_scale(solution.a) is not None:
+        return nan
+    slope = 5 * float(tip.characteristic_strain(physics.max_depth, solution.a)[0])
+    E, nu = physics.material.constants
+
+    def force_ratio(yield_stress: float) -> float:
+        """Return the estimated force divided by that of the elastic body."""
+        solid = YieldingSolid(E, nu, lambda alpha: yield_stress, lambda alpha: 0.0)
+        rise = solid.contact_height(slope, is_round=False) / solid.contact_height(
+            1e-12, is_round=False
+        )
+        elastic_pressure = solid.E_star * slope / 2
+        return solid.mean_pressure(slope) * rise**2 / elastic_pressure
+
+    # The ratio falls with the strain ratio from 3 on, and is above 1 below.
+    low, high = 1e-6 * E * slope, E * slope / 2
+    for _ in range(60):
+        middle = sqrt(low * high)
+        if force_ratio(middle) < 1 - v.tolerance:
+            low = middle
+        else:
+            high = middle
+    return high * physics.scales.pressure
+
+
+def yield_needs(v: SceneVariants) -> str:
+    """Return text on the yield stress below which the force changes by the tolerance."""
+    yield_stress = significant_yield_stress(v)
+    key = "material.plasticity.yield_stress"
+    return f"above {v.percent:g} % from {key} = {yield_stress:.2g} or less"
+
+
+def yield_source(v: SceneVariants) -> str:
+    """Return text on the estimate of that yield stress."""
+    onset = onset_yield_stress(v)
+    if onset == onset:
+        return f"Hertz and von Mises: yield begins on this path at a yield stress of {onset:.2g}"
+    return "estimate by Johnson's cavity; a sharp tip yields the body from the first contact on"

@@ -88,6 +88,45 @@ def test_refused_with_a_reason(changes: dict[str, Any], text: str) -> None:
         resolve(config_from_mapping(SECTIONS | changes))
 
 
+RELAXING = ELASTIC | {"relaxation": {"prony": [[0.5, 1.0]], "of": "shear"}}
+IN_TIME = {"history": [[0, 0], [1, 0.01], [3, 0.01]], "slide_history": [[1, 0], [2, 0.02]]}
+
+
+def test_a_slide_in_time() -> None:
+    """The tip slides between its points and rests elsewhere; its points are rows."""
+    sections = SECTIONS | {"material": RELAXING, "loading": IN_TIME}
+    scene = resolve(config_from_mapping(sections))
+    path = scene.physics.path
+    L = scene.physics.scales.length
+    x = dict(zip(path.times, path.slides, strict=True))
+    assert x[1.0] == 0.0 and x[2.0] == x[3.0] == pytest.approx(0.02 / L)
+    assert max(np.diff(path.slides)) <= scene.plan.prediction["a"] / L / 8 * (1 + 1e-9)
+    assert {"x", "side_force_x", "moment"} <= {*scene.columns}
+    assert scene.physics.track.high == pytest.approx(0.02 / L)
+
+
+@pytest.mark.parametrize(
+    "loading, material, text",
+    [
+        ({"slide_history": [[1, 0.01], [2, 0.02]]}, RELAXING, "the tip is pressed in at x = 0"),
+        ({"slide_history": [[1, 0], [1, 0.02]]}, RELAXING, "not later than the point before"),
+        ({"slide_history": [[1, 0], [4, 0.02]]}, RELAXING, "use times from 0 to 3"),
+        ({"slide_history": [[1, 0], [2, 0]]}, RELAXING, "has no motion"),
+        ({"slide": {"to": [0.1]}}, RELAXING, "give one of them"),
+        ({"history": None, "delta": 0.01}, RELAXING, "has no history"),
+        ({}, ELASTIC, "does not depend on time"),
+        ({}, RELAXING | {"relaxation": {"prony": [[0.5, 1.0]]}}, "with of: shear"),
+    ],
+)
+def test_a_slide_in_time_is_refused_with_a_reason(
+    loading: dict[str, Any], material: dict[str, Any], text: str
+) -> None:
+    """What a slide in time needs, and what it cannot be combined with."""
+    given = {key: value for key, value in (IN_TIME | loading).items() if value is not None}
+    with pytest.raises(ConfigError, match=text):
+        resolve(config_from_mapping(SECTIONS | {"material": material, "loading": given}))
+
+
 def test_a_wall_through_the_tip_is_no_place_to_leave() -> None:
     """A tip on a roller wall, which is a mirror plane, can slide along it only."""
     walls = {"x_min": "roller", "x_max": "free", "y_min": "free", "y_max": "free"}
