@@ -173,13 +173,6 @@ def plasticity_errors(config: SceneSections) -> Iterator[ConfigError]:
         remedy = "give loading.history or loading.force_history"
         creep_key = next(key for key, law in laws.items() if law.creeps)
         yield ConfigError(f"{creep_key}.creep", "needs a load path in time", remedy)
-    elif not creeps and config.loading.prescribed_history is not None:
-        path_key = config.loading.given_path_keys[0]
-        yield ConfigError(
-            f"loading.{path_key}",
-            "is a load path in time, but yield does not depend on time",
-            "give deltas or forces",
-        )
     if config.contact.may_snap_through or (config.experiment and config.experiment.adhesion):
         section = "contact" if config.contact.may_snap_through else "experiment"
         problem = "is not verified together with yield"

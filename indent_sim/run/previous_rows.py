@@ -81,11 +81,13 @@ class PreviousRows:
         """Return the work of the tip from first contact to the next row, and its error.
 
         The work is the integral of the force over the rows by trapezoids [energy]. The error has a
-        factor of safety of 3; it is infinite for the first four rows.
+        factor of safety of 3; it is infinite for the first four rows with a force.
         """
-        if self._count < 4:
-            return 0.0, inf
         delta, force = self._columns[:2, : self._count]
+        is_loaded = force != 0
+        if np.count_nonzero(is_loaded) < 4:
+            return 0.0, inf
+        delta, force = delta[is_loaded], force[is_loaded]
         work = work_of_rows(
             np.array([0.0, *delta, state.delta]), np.array([0.0, *force, state.force])
         )

@@ -26,7 +26,7 @@ CREEP = {"rate": RATE, "m": M}
 RAMP_AND_HOLD = [[0.0, 0.0], [1.0, 0.05], [11.0, 0.05]]
 
 
-def bar(loading: dict[str, Any], creep: dict[str, Any] = CREEP, **changes: Any) -> Scene:
+def bar(loading: dict[str, Any], creep: dict[str, Any] | None = CREEP, **changes: Any) -> Scene:
     """Bar of height 1 and radius 0.5 on a roller, whose whole top is pressed."""
     material = {
         "model": "hencky",
@@ -122,6 +122,27 @@ def test_energies_balance() -> None:
     work = np.trapz([s.force for s in states], [s.delta for s in states])
     last = states[-1]
     assert last.energy + (last.plastic_dissipation or 0.0) == pytest.approx(work, rel=0.02)
+
+
+@pytest.mark.parametrize("control", ["history", "force_history"])
+def test_a_history_without_creep_is_its_path(control: str) -> None:
+    """In, held and out: perfect plasticity at finite strain, then elastic unloading.
+
+    The rows of a held load are the same; the stress falls on the way out by E d(ln lambda).
+    """
+    in_and_out = {
+        "history": [[0.0, 0.0], [1.0, 0.05], [2.0, 0.05], [3.0, 0.045]],
+        "force_history": [[0.0, 0.0], [1.0, 0.7], [2.0, 0.7], [3.0, 0.35]],
+    }
+    loading = {control: in_and_out[control], "times": [1.0, 2.0, 3.0]}
+    loaded, held, unloaded = pipeline.states(bar(loading, None))
+    assert held.force == pytest.approx(loaded.force, rel=1e-9)
+    assert held.delta == pytest.approx(loaded.delta, rel=1e-9)
+    if control == "history":
+        assert loaded.force == pytest.approx(pi / 4 / 0.95, rel=1e-5)
+    stress = [row.force * (1 - row.delta) / (pi / 4) for row in (held, unloaded)]
+    recovered = log((1 - unloaded.delta) / (1 - held.delta))
+    assert stress[0] - stress[1] == pytest.approx(E * recovered, rel=1e-5)
 
 
 def test_creep_needs_time() -> None:

@@ -86,7 +86,6 @@ REFUSED: dict[str, tuple[dict[str, Any], str]] = {
         {"material": METAL | {"relaxation": {"prony": [[0.5, 1.0]]}}},
         "material.relaxation",
     ),
-    "time": ({"loading": {"history": [[0.0, 0.0], [1.0, 0.5]]}}, "loading.history"),
     "adhesion": (
         {"contact": {"adhesion": {"work": 0.1, "range": 0.1}}},
         "contact.adhesion",
