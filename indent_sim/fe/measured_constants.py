@@ -14,6 +14,12 @@ from __future__ import annotations
 # tests/physics/test_hyperelastic.py.
 VOLUME_DEGREE = {2: 4, 3: 2}
 
+# Relative scatter [-] of the force between equilibria of body and soft tip at one depth that are
+# reached on different ways: points of the body keep their segment of the tip for a part of its
+# length beyond its end. It is about 2e-5 in loading and unloading, and up to 1e-4 in the search for
+# a prescribed force. Checked: tests/physics/test_soft_tips_at_finite_strain.py.
+SOFT_TIP_FORCE_SCATTER = 1e-4
+
 # Stiffness that finds the contact edge, as a multiple [-] of E*/h with the size h of the facet, by
 # formulation. Measured on 60 random layers between frictionless walls, with two to thirty elements
 # in the contact radius: the error of the contact radius is 0.01 h in the median, and in 95 % of the

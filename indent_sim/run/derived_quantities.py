@@ -109,7 +109,8 @@ class DerivedQuantities:
         if state.stiffness is not None:
             return state.stiffness
         physics = self.scene.physics
-        if physics.has_friction or physics.is_time_dependent:
+        # With creep it is the stiffness of a sudden unloading, in which nothing flows.
+        if physics.has_friction or (physics.is_time_dependent and not physics.yields):
             return nan
         if self.scene.plan.adhesion is None and (state.delta <= 0 or state.force <= 0):
             return 0.0

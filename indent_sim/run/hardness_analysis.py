@@ -836,7 +836,9 @@ def _truth(
     """
     assert curve.results is not None
     table = curve.results.table
-    row = int(np.argmax(table["force"]))
+    # The row at which unloading begins, which after a hold is its last row.
+    F_max = values["F_max"] or 0.0
+    row = len(table["force"]) - 1 - int(np.argmin(np.abs(table["force"][::-1] - F_max)))
     known = {"A_p": _entry(table, row, "contact_area", "area")}
     known["H_IT"] = (
         float(table["force"][row]) / known["A_p"] / pressure.size if known["A_p"] > 0 else nan

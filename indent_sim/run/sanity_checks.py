@@ -352,11 +352,14 @@ def _check_plastic_work(scene: Scene, state: State, earlier: PreviousRows) -> st
     """Check that the work of loading is the sum of stored and dissipated energy, without friction.
 
     The work is the integral of the force over the rows by trapezoids, whose error is estimated.
+    In the first half of the depth the contact may have so few elements that the force jumps.
     """
     is_loading = state.delta > max(earlier.max_depth, 0.0) and not earlier.has_turned
     deepest = scene.physics.max_depth * scene.physics.scales.depth
     is_deepest = state.delta >= deepest * (1 - DEPTH_TOLERANCE)
     if state.plastic_dissipation is None or scene.physics.has_friction or not is_loading:
+        return None
+    if state.delta < deepest / 2:
         return None
     work, error = earlier.work_to(state)
     total = state.energy + state.plastic_dissipation

@@ -8,6 +8,7 @@ from itertools import pairwise
 from math import exp
 
 from indent_sim.mesh.model_domain import ModelDomain, Region
+from indent_sim.mesh.two_bodies import TwoBodyDomain
 from indent_sim.model.algebra import cos, sin
 from indent_sim.model.body import Body
 from indent_sim.model.contact import ActiveSet, ContactLaw, SlipReference
@@ -322,6 +323,11 @@ class ProblemDefinition:
     def relaxing_regions(self) -> tuple[Region, ...]:
         """The regions with stress relaxation."""
         return tuple(region for region in self.domain.regions if region.material.relaxation)
+
+    @property
+    def has_two_bodies(self) -> bool:
+        """True if the model domain contains a soft tip beside the body."""
+        return isinstance(self.domain, TwoBodyDomain)
 
     @property
     def yields(self) -> bool:

@@ -237,6 +237,24 @@ def test_prescribed_forces_find_the_depths() -> None:
         assert found.force == pytest.approx(given.force, rel=1e-9)
 
 
+def test_a_force_within_the_scatter_is_found() -> None:
+    """The force at one depth differs by 1e-4 between ways to it, so that no depth has exactly 120.
+
+    Units are um and nN; the depth is that of rows with prescribed depths, in which the force grows
+    from 119.60 at 4.75 to 120.18 at 4.76.
+    """
+    rubber = {"model": "neo_hookean", "nu": 0.49}
+    rows = rows_of(
+        body={"shape": "cylinder", "radius": 100.0, "height": 50.0, "base": "fixed"},
+        material=rubber | {"E": 4.0},
+        indenter={"shape": "sphere", "R": 15.0, "thickness": 12.0, "material": rubber | {"E": 0.8}},
+        loading={"force": 150.0, "steps": 5},
+        mesh={},
+    )
+    assert [row.force for row in rows] == pytest.approx([30, 60, 90, 120, 150], rel=2e-4)
+    assert rows[3].delta == pytest.approx(4.7570, rel=1e-3)
+
+
 def test_unloading_returns() -> None:
     """The equilibrium is that of loading, up to the segments opposite to the points: 3e-5."""
     loading, _, unloading = rows_of(loading={"deltas": [0.1, 0.25, 0.1]})

@@ -15,6 +15,7 @@ from indent_sim.model.load_path import LoadPath
 from indent_sim.model.loading import Unload
 from indent_sim.model.state import State
 from indent_sim.process.errors import ConfigError, ConfigErrors
+from indent_sim.results.reader import read
 from indent_sim.run import pipeline
 from indent_sim.scene.scene import Scene
 
@@ -289,3 +290,19 @@ def _loop_numbers(steps: int) -> np.ndarray:
     elastic_work = np.trapz(np.interp(fine, depths[::-1], roots[::-1]) ** 1.5, fine)
     E_star = 100.0 / 0.91
     return np.array([C, top.unloading_stiffness / E_star, 1 - elastic_work / (top.force / 3)])
+
+
+def test_error_of_the_row_in_which_the_tip_lets_go(tmp_path: Path) -> None:
+    """Its force is zero, and its error is not that of a contact that the mesh misses."""
+    scene_of_cone = {
+        "body": {"shape": "half_space"},
+        "material": METAL,
+        "indenter": {"shape": "cone", "half_angle": 70.3},
+        "loading": {"delta": 1.0, "steps": 3, "unload": {"rows": 2}},
+        "mesh": {"h_contact": 0.5},
+        "output": {"fields": "none", "plot": False},
+    }
+    pipeline.simulate(scene_of_cone, directory=tmp_path / "out", error_bars=True)
+    result = read(tmp_path / "out")
+    assert result["force"][-1] == pytest.approx(0.0, abs=1e-9)
+    assert result["force_error"][-1] <= 0.02 * result["force"].max()

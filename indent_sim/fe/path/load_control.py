@@ -40,6 +40,9 @@ class LoadControl:
     starts_from_row
         True for a path-dependent body: every trial starts from the last accepted row, so that a
         depth that failed once is not tried again.
+    slack
+        Relative error of the force that is accepted where no floating-point number lies between two
+        trial depths.
     """
 
     def __init__(
@@ -48,12 +51,14 @@ class LoadControl:
         deepest: float,
         *,
         starts_from_row: bool = False,
+        slack: float = FORCE_SLACK,
     ):
         # Reason why the last force was not found; empty if a trial depth had no equilibrium
         self.failure = ""
         self._go_to_depth = go_to_depth
         self._deepest = deepest
         self._starts_from_row = starts_from_row
+        self._slack = slack
         self.tolerance = 1e-10  # relative error of the force
         self._curve: list[ForceDepth] = []  # known points in the order of their force
         self._slope = 0.0  # last slope of the curve; 0 if unknown
@@ -108,7 +113,7 @@ class LoadControl:
                 abs(upper), abs(lower)
             ):
                 self.failure = "the force is a discontinuous function of the depth there"
-                return abs(reached_force - force) <= FORCE_SLACK * (force + pull)
+                return abs(reached_force - force) <= self._slack * (force + pull)
             if (
                 len(tried_points) > 1
                 and (force_change := tried_points[1][0] - tried_points[0][0])
@@ -182,7 +187,7 @@ class LoadControl:
             lower = max((depth for push, depth in tried_points if push < force), default=0.0)
             upper = min((depth for push, depth in tried_points if push >= force), default=math.inf)
             if self._is_exhausted(force, tried_points[-1], delta, lower, upper):
-                return abs(reached_force - force) <= FORCE_SLACK * force
+                return abs(reached_force - force) <= self._slack * force
             delta = min(
                 _next_depth(force, [*curve_points, *tried_points], lower, upper, len(tried_points)),
                 self._deepest,

@@ -19,10 +19,11 @@ from indent_sim.fe.measured_constants import (
     FINEST_TOLERANCE,
     LONGEST_STEP_RANGES,
     SNAP_STEP_RANGES,
+    SOFT_TIP_FORCE_SCATTER,
 )
 from indent_sim.fe.path.equilibrium import Equilibrium
 from indent_sim.fe.path.failure import LastEquilibrium, failed_state
-from indent_sim.fe.path.load_control import ForceDepth, LoadControl
+from indent_sim.fe.path.load_control import FORCE_SLACK, ForceDepth, LoadControl
 from indent_sim.fe.path.load_segment import LoadPoint, LoadSegment
 from indent_sim.fe.path.pull_off import (
     PullPoint,
@@ -105,7 +106,10 @@ class LoadStepper:
             UnloadingBranch() if physics.searches_pull_off else None
         )
         self._load_control = LoadControl(
-            self._step_to_depth, physics.body.height, starts_from_row=self._has_memory
+            self._step_to_depth,
+            physics.body.height,
+            starts_from_row=self._has_memory,
+            slack=SOFT_TIP_FORCE_SCATTER if physics.has_two_bodies else FORCE_SLACK,
         )
 
     def _create_step_control(self, segment: LoadSegment | None = None) -> StepSizeControl:

@@ -23,7 +23,6 @@ from indent_sim.fe.terms.viscoelasticity import ViscoelasticStrainEnergy
 from indent_sim.fe.terms.weak_roller import WeakRollerBC
 from indent_sim.fe.unknowns import Field
 from indent_sim.mesh.model_domain import Region
-from indent_sim.mesh.two_bodies import TwoBodyDomain
 from indent_sim.scene.scene import Scene
 
 
@@ -117,7 +116,7 @@ def contact_terms(body: Body, strain_energy: StrainEnergy) -> ContactTerms:
         Term of the region under the tip, whose stress Nitsche's method uses.
     """
     law = body.scene.physics.contact
-    if isinstance(body.scene.physics.domain, TwoBodyDomain):
+    if body.scene.physics.has_two_bodies:
         return ContactTerms(SoftTipContact(body))
     if law.multiplier == "nodal":
         return ContactTerms(NodalContact(body))

@@ -665,9 +665,14 @@ class ErrorBars:
     def _is_contact_missed(self, state: State) -> bool:
         """True if no integration point is in contact because the depth is so small.
 
-        For a time-dependent body it is always False.
+        For a time-dependent body it is always False, and also where a body that yields has been
+        pressed deeper before: there the tip has let go of the imprint.
         """
-        return state.delta > 0 and state.force == 0 and not self._physics.is_time_dependent
+        has_imprint = self._physics.yields and any(
+            row.force > 0 and row.delta > state.delta for row in self._run_states.values()
+        )
+        is_free = state.delta > 0 and state.force == 0
+        return is_free and not self._physics.is_time_dependent and not has_imprint
 
     def _missed_contact_parts(self, state: State) -> dict[str, float]:
         """Return the parts of the error of the force [force] for such a row."""

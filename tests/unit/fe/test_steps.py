@@ -134,6 +134,7 @@ class Spring:
             contact=SimpleNamespace(adhesion_range=0.0),
             is_time_dependent=False,
             yields=False,
+            has_two_bodies=False,
             slides_around_edge=False,
             searches_pull_off=False,
             path=LoadPath("depth", (1.0,) * 9),
