@@ -827,6 +827,14 @@ def _tip_rounding_warnings(curve: _TestCurve, area: AreaFunction, h_c: float) ->
     )
 
 
+def unloading_row(force: np.ndarray, F_max: float) -> int:
+    """Return the index of the row (n,) at which unloading begins from the force F_max.
+
+    After a hold it is the last row of the hold: a body that creeps has a larger contact then.
+    """
+    return len(force) - 1 - int(np.argmin(np.abs(force[::-1] - F_max)))
+
+
 def _truth(
     curve: _TestCurve, values: Mapping[str, float | None], pressure: _PressureUnit
 ) -> dict[str, dict[str, float]]:
@@ -836,9 +844,7 @@ def _truth(
     """
     assert curve.results is not None
     table = curve.results.table
-    # The row at which unloading begins, which after a hold is its last row.
-    F_max = values["F_max"] or 0.0
-    row = len(table["force"]) - 1 - int(np.argmin(np.abs(table["force"][::-1] - F_max)))
+    row = unloading_row(table["force"], values["F_max"] or 0.0)
     known = {"A_p": _entry(table, row, "contact_area", "area")}
     known["H_IT"] = (
         float(table["force"][row]) / known["A_p"] / pressure.size if known["A_p"] > 0 else nan

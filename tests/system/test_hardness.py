@@ -21,18 +21,6 @@ import indent_sim
 from indent_sim.cli import commands
 from indent_sim.process.errors import UsageError
 
-CREEP = """\
-body: {shape: half_space}
-material:
-  model: hencky
-  E: 30.0
-  nu: 0.3
-  plasticity: {yield_stress: 1.0, creep: {rate: 1.0e-2, m: 0.3}}
-indenter: {shape: cone, half_angle: 70.3}
-loading: {history: [[0, 0], [1, 1], [3, 1], [3.2, 0.6]], per_doubling: 2}
-mesh: {h_contact: 0.4}
-output: {fields: none, plot: false}
-"""
 Run = Callable[..., Result]
 SCENE = """\
 units: {{length: um, force: mN}}
@@ -113,18 +101,6 @@ def test_a_thin_layer_shows_the_error_of_the_half_space(run: Run) -> None:
     found = simulated(run, "{shape: paraboloid, R: 1}", "{shape: layer, height: 0.3}")
     assert found["truth"]["E_IT"]["ratio"] > 1.2
     assert found["truth"]["E_IT"]["value"] == pytest.approx(72)
-
-
-def test_the_truth_is_that_of_the_end_of_a_hold(run: Run) -> None:
-    """Unloading begins after the hold of a body that creeps, where the contact has grown."""
-    Path("creep.yaml").write_text(CREEP, encoding="utf-8")
-    assert run("run", "creep.yaml", "--output", "out", "--quiet").exit_code == 0
-    truth = json.loads(run("hardness", "out", "--json").stdout)["truth"]
-    with Path("out/force_indentation.csv").open(encoding="utf-8") as file:
-        rows = {float(row["t"]): row for row in csv.DictReader(file)}
-    assert truth["A_p"]["value"] == pytest.approx(float(rows[3.0]["contact_area"]))
-    assert truth["S"]["value"] == pytest.approx(float(rows[3.0]["unloading_stiffness"]))
-    assert float(rows[3.0]["contact_area"]) > 1.02 * float(rows[1.0]["contact_area"])
 
 
 def test_results_that_have_no_such_contact_are_refused(run: Run) -> None:
