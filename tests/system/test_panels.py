@@ -484,6 +484,7 @@ class TestFields:
         }
         fluid |= {
             "shear": np.zeros(4),
+            "plastic_strain": np.zeros(2),
             "nodal_stress": np.zeros((4, 9)),
             "nodal_von_mises": np.zeros(4),
         }
@@ -667,7 +668,7 @@ class TestRoom:
 @pytest.mark.parametrize(
     ("given", "said"),
     [
-        ({"what": ("forces",)}, "not one of force, time, pressure"),
+        ({"what": ("forces",)}, "not one of force, time, hardness, pressure"),
         ({"fields": ("J",)}, "--field is only for --what fields"),
         ({"steps": ("2",)}, "--steps is only for"),
         ({"what": ("fields",), "fields": ("mises",)}, "there is no field mises"),
