@@ -359,16 +359,14 @@ def rolling_scene(speed: float, end: float, **sections: Any) -> Scene:
     return scene(loading=loading, **given | sections)
 
 
-@pytest.mark.parametrize(
-    "speed",
-    [0.02, *(pytest.param(speed, marks=pytest.mark.verify) for speed in (0.005, 0.06))],
-)
+@pytest.mark.parametrize("speed", [0.02, pytest.param(0.005, marks=pytest.mark.verify)])
 def test_hysteresis_is_rolling_friction(speed: float) -> None:
     """The side force on a relaxing half-plane is that of Hunter (1961), by a quadrature.
 
     The roller has moved for 5 times the retardation time or more. Measured at 0.02: 1.8 % with
     these time steps, of a/4, and 0.9 % with half of them, on a strip 70 a deep. Elements of half
-    the size change it by 0.2 %.
+    the size change it by 0.2 %. At a speed of 0.06 the roller comes as near to the wall as 0.4,
+    and its side force is 8 % smaller than on a half-plane.
     """
     (*_, row) = solve(rolling_scene(speed, max(0.12, 10 * speed)))
     exact = relaxing_half_plane.steady_rolling(row.force, 1.0, 4 / 3, 0.5, speed)
