@@ -23,10 +23,13 @@ def oliver_pharr(
 ) -> dict[str, float]:
     """Return S [mN/nm], h_c [nm], H and E [GPa] of a loop in nm and mN."""
     top = int(np.flatnonzero(F.max() == F)[-1])
-    h_max, F_max = float(h[top]), float(F[top])
-    fall_h, fall_F = h[top:], F[top:]
+    h_max = float(h[top])
+    F_max = float(F[top])
+    fall_h = h[top:]
+    fall_F = F[top:]
     used = (fall_F <= 0.98 * F_max) & (fall_F >= 0.4 * F_max)
-    x, y = fall_h[used] / h_max, fall_F[used] / F_max
+    x = fall_h[used] / h_max
+    y = fall_F[used] / F_max
 
     def power_law(x: np.ndarray, B: float, h_f: float, m: float) -> np.ndarray:
         return B * np.maximum(x - h_f, 1e-12) ** m

@@ -75,7 +75,7 @@ def resting_body_errors(config: SceneSections) -> Iterator[ConfigError]:
             f"leave material.flow and relaxation of shear out, or {bonded}",
         ),
         (
-            any(material.plasticity for _, material in config.materials()),
+            config.yields,
             "does not yield: both contacts are solved on one compliance",
             f"leave material.plasticity out, or {bonded}",
         ),

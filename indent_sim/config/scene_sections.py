@@ -195,6 +195,11 @@ class SceneSections(BaseModel):
         has_material = self.body.layers is not None and self.body.layers[layer].material is not None
         return f"body.layers[{layer}].material" if has_material else "material"
 
+    @property
+    def yields(self) -> bool:
+        """True if a material of the scene may yield."""
+        return any(material.plasticity for _, material in self.materials())
+
     def materials(self) -> Iterator[tuple[str, Material]]:
         """Yield every given material with its key."""
         keyed_materials = [("material", self.material)]

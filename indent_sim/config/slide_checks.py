@@ -172,7 +172,7 @@ def _obstacles(config: SceneSections) -> Iterator[Obstacle]:
         "leave the slide out",
     )
     yield (
-        any(material.plasticity for _, material in config.materials()),
+        config.yields,
         "is not verified together with plasticity: a groove that the tip ploughs",
         "leave plasticity or the slide out",
     )

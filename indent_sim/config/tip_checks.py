@@ -231,7 +231,7 @@ def _soft_tip_conflicts(config: SceneSections, key: str) -> Iterator[ConfigError
             "leave material.flow and relaxation of shear out",
         ),
         (
-            any(material.plasticity for _, material in config.materials()),
+            config.yields,
             "needs a body that does not yield",
             "leave material.plasticity out",
         ),

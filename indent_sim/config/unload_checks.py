@@ -1,4 +1,4 @@
-"""Checks of the way back after the last depth or force."""
+"""Checks of unloading after the last depth or force."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ KEY = "loading.unload"
 
 
 def unload_errors(config: SceneSections) -> Iterator[ConfigError]:
-    """Yield errors of the way back: its end, and what it cannot be combined with."""
+    """Yield errors of `loading.unload`: its end, and what it cannot be combined with."""
     unload = config.loading.unload
     if unload is None:
         return
@@ -25,7 +25,7 @@ def unload_errors(config: SceneSections) -> Iterator[ConfigError]:
         yield ConfigError(
             f"{KEY}.to",
             f"is {unload.to:g}, but unloading begins at {last_value:g}",
-            "use a smaller value, or 0: until the tip lets go",
+            "use a smaller value, or 0 to unload until contact is lost",
         )
 
 
@@ -40,8 +40,8 @@ def _obstacles(config: SceneSections) -> Iterator[tuple[bool, str, str]]:
     loading = config.loading
     yield (
         loading.prescribed_history is not None,
-        "follows the last of the prescribed depths or forces, but the scene has a history in time",
-        "let the history end with the way back, for example [[0, 0], [1, 0.5], [2, 0]]",
+        "begins after the last of deltas or forces, but this scene prescribes a history in time",
+        "write unloading as the end of the history, for example [[0, 0], [1, 0.5], [2, 0]]",
     )
     yield (
         loading.slide is not None,
@@ -51,7 +51,7 @@ def _obstacles(config: SceneSections) -> Iterator[tuple[bool, str, str]]:
     yield (
         bool(config.contact.adhesion or (config.experiment and config.experiment.adhesion)),
         "ends where the force has become zero, but with adhesion the tip is pulled off",
-        "write the way back as loading.deltas that end below 0",
+        "write unloading as loading.deltas that end below 0",
     )
     yield (
         config.experiment is not None,

@@ -18,7 +18,6 @@ from indent_sim.config.strict_yaml import key_path
 from indent_sim.fitting.forward_model.cone_loop import (
     HARDENING_KEY,
     YIELD_STRESS_KEY,
-    yields,
 )
 from indent_sim.fitting.forward_model.elastic_load_curve import (
     elastic_config,
@@ -191,7 +190,7 @@ def fit_curve(curve: MeasuredCurve, request: FitRequest, tables: ForwardModelCac
     try:
         with np.errstate(all="ignore"):
             converted = convert_to_scene_units(curve, request.config)
-            if yields(request.config):
+            if request.config.yields:
                 converted = _with_parts_by_force(converted)
             return _fit_and_assess(
                 converted.part(request.curve_part),
@@ -267,7 +266,7 @@ def _fit_and_assess(
     if is_time_dependent(config) and samples.t is None:
         raise NoCurve("no column of time, which a viscoelastic or poroelastic scene needs")
     errors: tuple[float, ...] = ()
-    if yields(config):
+    if config.yields:
         estimate = _fit_loop(config, request, samples, tables)
     elif needs_time_stepping(config):
         estimate = _fit_along_path(config, request, samples, tables)
@@ -518,9 +517,9 @@ def prepare_curve(curve: MeasuredCurve, request: FitRequest) -> tuple[Config, Sa
         notes.append("no spring is known: the displacement of the base is taken as the depth")
     t = None if curve.t is None else curve.t - curve.t[0]
     samples = Samples(curve.abscissa_values(column), curve.force, t)
-    if yields(config) or (config.experiment and config.experiment.adhesion):
+    if config.yields or (config.experiment and config.experiment.adhesion):
         samples = _order_by_time(samples, curve, request.curve_part)
-    if yields(config):
+    if config.yields:
         samples = replace(samples, turn=float(samples.x.max()))
     return config, samples, notes
 

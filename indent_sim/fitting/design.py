@@ -20,7 +20,7 @@ from indent_sim.fitting.curve_fit import (
     format_interval,
     relative_calibration_error,
 )
-from indent_sim.fitting.forward_model.cone_loop import HARDENING_KEY, yields
+from indent_sim.fitting.forward_model.cone_loop import HARDENING_KEY
 from indent_sim.fitting.forward_model.forward_model import (
     APPROACH,
     RETRACT,
@@ -307,7 +307,7 @@ def _plan_measurement(
     depth = max(PlannedRun.resolve(config).depths)
     if not depth > 0:
         raise ConfigError("loading", "the tip never touches the body", "give loading.delta > 0")
-    if yields(config):
+    if config.yields:
         loop_model = tables.forward_model(config, keys, depth)
         path = np.array([0.0, depth, 0.0]), np.array([0.0, 1.0, 2.0])
         return _PlannedMeasurement(config, loop_model, depth, *path)

@@ -28,7 +28,7 @@ from indent_sim.fitting.curve_fit import (
     rejected_fit,
     request_identity,
 )
-from indent_sim.fitting.forward_model.cone_loop import HARDENING_KEY, yields
+from indent_sim.fitting.forward_model.cone_loop import HARDENING_KEY
 from indent_sim.fitting.forward_model.forward_model_cache import ForwardModelCache
 from indent_sim.fitting.forward_model.parameters import number_at
 from indent_sim.fitting.inference.model_assessment import Interval
@@ -223,7 +223,7 @@ def tell_cost(request: FitRequest, tell: ReportLine) -> None:
 
     Raises ConfigError if the scene is not valid.
     """
-    if yields(request.config):
+    if request.config.yields:
         return tell(loop_cost(request.varied_keys))
     planned_run = PlannedRun.resolve(request.config)
     if not planned_run.scene.is_meshed:

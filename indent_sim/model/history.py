@@ -242,7 +242,8 @@ class History:
     def _points_of_both_motions(self) -> tuple[tuple[float, float], ...]:
         """The points of `points_from_rest` and those at which the slide changes its speed."""
         points = self.points_from_rest
-        first, last = points[0][0], points[-1][0]
+        first = points[0][0]
+        last = points[-1][0]
         times = tuple(t for t, _ in self.slide_points if first <= t <= last)
         return replace(self, points=points, times=times).with_row_times_inserted.points
 

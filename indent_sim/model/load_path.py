@@ -14,7 +14,7 @@ Control = Literal["depth", "force"]
 
 @dataclass(frozen=True)
 class Unloading:
-    """Last rows of a path that go back until the tip lets go.
+    """Rows of unloading at the end of a load path, until contact is lost.
 
     Attributes
     ----------
@@ -65,7 +65,7 @@ class LoadPath:
     slide_axis
         Horizontal axis along which the tip slides: 0 (x) or 1 (y).
     unloading
-        The rows that go back until the tip lets go; None if there are none. Depths of a body that
+        The rows of unloading at the end; None if there are none. Their depths for a body that
         yields are known only when it is solved: `values` are then those of an elastic body.
     """
 

@@ -75,10 +75,10 @@ class Slide:
 
 @dataclass(frozen=True)
 class Unload:
-    """Way back after the last depth or force, in `rows` rows.
+    """Unloading after the last depth or force, in `rows` rows.
 
     It ends at the depth `to`, or at this force if forces are prescribed, but not later than where
-    the tip lets go: the last row is then the one at which the force has become zero. With
+    contact is lost: the last row is then the one at which the force has become zero. With
     prescribed depths the rows divide the recovered depth into equal parts; prescribed forces are
     those of a paraboloid at such depths.
     """
@@ -103,7 +103,8 @@ class Loading:
     delta > 0 is indentation; negative values in `deltas` keep the tip clear of the body [length].
     Forces are those of the whole body (per unit length in plane strain). Negative forces require
     adhesion and must not exceed the attraction at first contact. Without adhesion a force of 0
-    means delta = 0, where the tip just touches; after yield it means the depth at which it lets go.
+    means delta = 0, where the tip just touches; after yield it means the depth at which contact is
+    lost.
 
     With `slide` the tip then moves sideways at the last depth or force, with `unload` it goes back.
     With `slide_history` it moves along x during a history: points [t, x] with the displacement from
@@ -172,7 +173,7 @@ class Loading:
 
 
 def _with_unloading(path: LoadPath, unload: Unload) -> LoadPath:
-    """Return a path with the way back after its last value."""
+    """Return a path with unloading after its last value."""
     top = path.values[-1]
     exponent = UNLOADING_EXPONENT if path.control == "force" else 1.0
     way_back = tuple(

@@ -177,7 +177,7 @@ class State:
     unloading_stiffness
         dF/ddelta of a body that yields, at the beginning of unloading [force/length].
     residual_depth
-        Depth at which the force has become zero on the way back [length]; NaN in other rows.
+        Depth at which the force has become zero in unloading [length]; NaN in other rows.
     side_force_x, side_force_y
         Horizontal force on the tip, with friction, a tilt or a slide, along an axis to which no
         mirror plane is normal [force]. Of a sliding tip it includes the force of the pressure on

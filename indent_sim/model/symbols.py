@@ -202,7 +202,7 @@ steps [1]: number of equal steps to `delta` or `force`
 deltas [length] $\delta_i$: sequence of depths instead of `delta`, also for unloading; < 0: the tip
   is clear of the body
 forces [force] $F_i$: sequence of forces instead of `force`, also for unloading; 0: the tip just
-  touches, at delta = 0, or where it lets go of a body that has yielded
+  touches, at delta = 0, or where it loses contact with a body that has yielded
 history [time, length]: depth over time as a list of points [t, delta]; with a cantilever or a frame
   [t, z]
 force_history [time, force]: force over time as a list of points [t, force]
@@ -217,8 +217,8 @@ to [length] $x_i$: displacements to which the tip slides one after another, from
   pressed in; one number is a scratch
 slide.steps [1]: number of rows on each stretch of the slide
 along [degrees]: direction of the slide, from x: 0 (x) or 90 (y)
-loading.unload: the way back after the last depth or force
-unload.to [length]: depth at which unloading ends unless the tip lets go before; a force if forces
+loading.unload: unloading after the last depth or force
+unload.to [length]: depth at which unloading ends unless contact is lost before; a force if forces
   are prescribed; 0: where the force has become zero
 unload.rows [1]: number of rows of unloading
 loading.rows [1]: number of rows of unloading
@@ -341,7 +341,7 @@ hardness [pressure] $H$: force over contact area under load; with plasticity
 contact_area [area] $A$: contact area under load; with plasticity, in place of area
 unloading_stiffness [force/length] $S$: slope of the load curve if unloading began at this row; with
   plasticity, in place of stiffness
-residual_depth [length] $h_r$: depth at which the force has become zero on the way back; in the last
+residual_depth [length] $h_r$: depth at which the force has become zero in unloading; in the last
   row, with loading.unload
 side_force_x [force]: force on the tip along x; with friction, a slide, or a tilt and gap: current,
   if no mirror plane is normal to x; of a sliding tip with the force of the pressure on its slope

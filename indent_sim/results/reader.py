@@ -121,6 +121,16 @@ class Results:
             return np.zeros(2)
         return float(self["x"][rows[0]]) * np.array([axis == "x", axis == "y"])
 
+    def unloading_row(self, F_max: float) -> int:
+        """Return the index of the row at which unloading from the force F_max begins.
+
+        After a hold it is the last row of the hold: a body that creeps has a larger contact then.
+        """
+        # Prescribed forces are found to 1e-10, so that those of a hold differ by that.
+        tolerance = 1e-9 * abs(F_max)
+        distance = np.abs(self["force"] - F_max)
+        return int(np.flatnonzero(distance <= distance.min() + tolerance)[-1])
+
     @property
     def columns(self) -> tuple[str, ...]:
         """Names of the columns of the force table."""

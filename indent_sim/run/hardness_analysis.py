@@ -827,14 +827,6 @@ def _tip_rounding_warnings(curve: _TestCurve, area: AreaFunction, h_c: float) ->
     )
 
 
-def unloading_row(force: np.ndarray, F_max: float) -> int:
-    """Return the index of the row (n,) at which unloading begins from the force F_max.
-
-    After a hold it is the last row of the hold: a body that creeps has a larger contact then.
-    """
-    return len(force) - 1 - int(np.argmin(np.abs(force[::-1] - F_max)))
-
-
 def _truth(
     curve: _TestCurve, values: Mapping[str, float | None], pressure: _PressureUnit
 ) -> dict[str, dict[str, float]]:
@@ -844,7 +836,7 @@ def _truth(
     """
     assert curve.results is not None
     table = curve.results.table
-    row = unloading_row(table["force"], values["F_max"] or 0.0)
+    row = curve.results.unloading_row(values["F_max"] or 0.0)
     known = {"A_p": _entry(table, row, "contact_area", "area")}
     known["H_IT"] = (
         float(table["force"][row]) / known["A_p"] / pressure.size if known["A_p"] > 0 else nan
@@ -892,7 +884,10 @@ def _has_units(units: Mapping[str, str]) -> bool:
 
 
 def _pressure_unit(units: Mapping[str, str]) -> _PressureUnit:
-    """Return the unit of pressures: that of force over length^2 if it has a name, else GPa."""
+    """Return the unit for pressures.
+
+    It is the unit of force over length^2 if that is Pa, kPa, MPa or GPa, otherwise GPa.
+    """
     if not _has_units(units):
         return _PressureUnit("", 1.0)
     SI = si_factor(units["force"], "force") / si_factor(units["length"], "length") ** 2

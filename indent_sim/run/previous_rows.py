@@ -87,7 +87,8 @@ class PreviousRows:
         is_loaded = force != 0
         if np.count_nonzero(is_loaded) < 4:
             return 0.0, inf
-        delta, force = delta[is_loaded], force[is_loaded]
+        delta = delta[is_loaded]
+        force = force[is_loaded]
         work = work_of_rows(
             np.array([0.0, *delta, state.delta]), np.array([0.0, *force, state.force])
         )

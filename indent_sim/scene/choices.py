@@ -50,7 +50,7 @@ def model_choices(setup: ProblemSetup) -> Choices:
         "is rigid and without friction, and delta is the approach of tip and flat"
     )
     kind = "linear elastic" if physics.small_strain else "hyperelastic"
-    plastic = f", and yields{_onset_words(setup)}" if physics.yields else ""
+    plastic = f", and yields{_onset_text(setup)}" if physics.yields else ""
     strain = ("small" if physics.small_strain else "finite", f"the material is {kind}{plastic}")
     force_reason = (
         "forces are prescribed: the depth of each is found by load control, with force(depth) "
@@ -72,7 +72,7 @@ def model_choices(setup: ProblemSetup) -> Choices:
     ]
 
 
-def _onset_words(setup: ProblemSetup) -> str:
+def _onset_text(setup: ProblemSetup) -> str:
     """Return from which depth on a body yields, as the end of a sentence; "" if not known."""
     onset = setup.yielding.onset if setup.yielding else None
     if onset is None:
@@ -296,8 +296,7 @@ def time_steps(setup: ProblemSetup, physics: ProblemDefinition, sizes: Sizes) ->
         reasons.append(
             f"the shear modulus relaxes in times of {min(relaxing):.3g} to {max(relaxing):.3g}"
         )
-    creeps = any(region.material.creeps for region in physics.domain.regions)
-    if creeps:
+    if physics.creeps:
         reasons.append("the body creeps: a hundredth of the shortest segment of the history")
         method = "backward Euler"
     elif physics.permeable_regions:

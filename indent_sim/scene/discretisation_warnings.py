@@ -287,7 +287,7 @@ def _element_warnings(
         and (shallow_error := expected_force_error(sizes, shallowest, nu)) >= UNDERRESOLVED_ERROR
     ):
         element_text = (
-            f"the contact radius has a length of only {shallowest / sizes.h_contact:.2g} elements"
+            f"the contact radius is only {shallowest / sizes.h_contact:.2g} times the element size"
         )
         wrong_text = f"the force there may be wrong by {error_text(shallow_error)}"
         message = (

@@ -340,6 +340,11 @@ class ProblemDefinition:
         return self.path.unloading is not None and self.path.control == "depth" and self.yields
 
     @property
+    def creeps(self) -> bool:
+        """True if plastic flow of a material depends on the rate."""
+        return any(region.material.creeps for region in self.domain.regions)
+
+    @property
     def is_time_dependent(self) -> bool:
         """True if the force changes with time at a constant depth."""
         return any(region.material.is_time_dependent for region in self.domain.regions)

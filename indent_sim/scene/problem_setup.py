@@ -414,8 +414,7 @@ def _with_increments(config: Config, path: LoadPath, *, is_covered: bool) -> Loa
     The stress below a tip that covers the body is uniform, and its increments are exact.
     """
     target = target_error(config.accuracy)
-    yields = any(law.plasticity for _, law in config.materials())
-    if target is None or not yields or is_covered:
+    if target is None or not config.yields or is_covered:
         return path
     refined = with_yield_increments(path, target)
     if (count := increment_count(refined)) > MAX_INCREMENTS:

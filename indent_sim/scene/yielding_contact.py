@@ -35,7 +35,7 @@ RADIUS_ITERATIONS = 6
 
 @dataclass(frozen=True)
 class YieldingContact:
-    """Expected contact of a tip with a body whose first layer yields.
+    """Estimated contact radius and force of a tip on a body whose first layer yields.
 
     It is an estimate within about 20 % of the force and 10 % of the contact radius, and equal to
     the elastic contact before yield.

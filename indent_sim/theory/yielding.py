@@ -43,7 +43,7 @@ DAO_MAX_EXPONENT = 0.5
 DAO_RANGE = (3.2, 6.7)
 # Relative error of their functions [-].
 DAO_ERROR = 0.03
-# Plastic strain of their representative stress.
+# Plastic strain at which Dao et al. take the flow stress as the representative one.
 DAO_STRAIN = 0.033
 
 

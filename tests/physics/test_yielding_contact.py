@@ -149,7 +149,8 @@ def test_accuracy_of_random_loops(tmp_path: Path) -> None:
 
 def check_accuracy_of_loops(seeds: range, tmp_path: Path) -> None:
     """Assert that 95 % of the forces of these loops are inside their error bars."""
-    missed, count = 0, 0
+    missed = 0
+    count = 0
     for seed in seeds:
         # The relative error of the last row, whose force is small, may exceed the accuracy.
         with suppress(VerificationError):
@@ -204,7 +205,8 @@ def test_accuracy_of_a_body_that_yields(tmp_path: Path) -> None:
     }
     simulate(config_from_mapping(document), directory=tmp_path / "out")
     result = read(tmp_path / "out")
-    force, error = result["force"], result["force_error"]
+    force = result["force"]
+    error = result["force_error"]
     assert (error < 0.1 * force).all()
     assert abs(force[0] - 70.8) < error[0]
 
@@ -245,7 +247,8 @@ def test_random_loops_end() -> None:
 
 def check_ends_of_loops(seeds: range) -> None:
     """Assert that these loops end, in few iterations and mostly without a cut."""
-    medians, cut_count = [], 0
+    medians = []
+    cut_count = 0
     for seed in seeds:
         rows = list(pipeline.states(resolve(random_loop(seed, 10, has_layers=True))))
         assert all(row.converged for row in rows), seed
@@ -257,7 +260,8 @@ def check_ends_of_loops(seeds: range) -> None:
 
 
 if __name__ == "__main__":
-    name, number = sys.argv[1], int(sys.argv[2])
+    name = sys.argv[1]
+    number = int(sys.argv[2])
     if name == "loops":
         check_ends_of_loops(range(100, 100 + number))
     else:

@@ -195,7 +195,8 @@ def test_damage_that_leaves_a_number_is_inside_the_error(run: Run) -> None:
         Path("test.csv").write_text("\n".join(["depth [nm],load [mN]", *lines, ""]))
         done = run("hardness", "test.csv", "--nu", "0.17", "--json")
         found = json.loads(done.stdout)
-        E, error = found["values"]["E_IT"], found["errors"]["E_IT"]
+        E = found["values"]["E_IT"]
+        error = found["errors"]["E_IT"]
         assert abs(E - 72) < max(1.5 * error, 0.1), (name, E, error)
 
 

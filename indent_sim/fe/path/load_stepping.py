@@ -475,7 +475,7 @@ class LoadStepper:
 
         The rows divide the depth that the body recovers into equal parts. This depth is searched
         for before the first row, and again before the last one, since the reverse flow of the rows
-        between them changes it. If the tip has let go before, the remaining rows are placed anew.
+        between them changes it. If contact is lost before, the remaining rows are placed anew.
 
         Parameters
         ----------
@@ -499,21 +499,21 @@ class LoadStepper:
             else row_depth - rows_left * (depths[-2] - row_depth)
         )
         substeps = 0
-        # The rows are placed once more where the tip has let go too early.
+        # The rows are placed once more where contact was lost too early.
         for _ in range(2):
             if end is None:
                 return 0
             substeps = self._step_to(LoadPoint(row_depth - (row_depth - end) / rows_left))
             if not substeps or rows_left == 1 or self.equilibrium.force > 0:
                 break
-            self._return_to(self._row_points)
+            self._restore_equilibria(self._row_points)
             end = self._end_of_unloading(unloading.to)
         return substeps
 
     def _end_of_unloading(self, to: float) -> float | None:
         """Return the depth at which unloading from the last row ends; None if it is not found.
 
-        The tip is lifted until it lets go of the body. Since the body then is at rest, the depth at
+        The tip is lifted until contact is lost. Since the body then is at rest, the depth at
         which the force has become zero is that of the tip plus the smallest gap. Afterwards the
         body is returned to the last row.
 
@@ -534,17 +534,17 @@ class LoadStepper:
             depth = max(to, depth - lift_factor * self.equilibrium.force / stiffness)
             lift_factor *= 2
             if not self._step_to(LoadPoint(depth)):
-                self._return_to(row_points)
+                self._restore_equilibria(row_points)
                 return None
         # The tip stops just above the body, so that the force is zero.
         gap_fraction = 1 - 1e-6
         end = to
         if self.equilibrium.force <= 0:
             end = max(to, depth + gap_fraction * smallest_gap(self.equilibrium.observed_body))
-        self._return_to(row_points)
+        self._restore_equilibria(row_points)
         return end
 
-    def _return_to(self, points: list[EquilibriumPoint]) -> None:
+    def _restore_equilibria(self, points: list[EquilibriumPoint]) -> None:
         """Return to the last one of these equilibria, without a trace of later increments."""
         self._points = points
         self._pending_point = None
@@ -628,7 +628,7 @@ class LoadStepper:
         Parameters
         ----------
         force
-            Prescribed force [force]; 0: the tip just lets go.
+            Prescribed force [force]; 0: contact is just lost.
         expected
             Expected depth of the first row [length].
         """
@@ -641,7 +641,8 @@ class LoadStepper:
         a = self.equilibrium.scene.plan.prediction["a"] / physics.scales.length
         a = float(self.equilibrium.state_values()["a"]) or a
         stiffness = 2 * physics.material.E_star * a ** (physics.scales.dim - 2)
-        # A body that flows is softer than its elastic contact, so that the first trial falls short.
+        # Plastic flow makes the contact more compliant than this stiffness, so that the first trial
+        # depth is too small.
         delta = row.delta + (force - row_force) / stiffness if row.delta > 0 else expected
         self._load_control.forget_curve()
         if self._load_control.find_by_secant(force, delta, stiffness):
@@ -693,7 +694,7 @@ class LoadStepper:
         For a path-dependent body the stepping starts at the last row.
         """
         if self._has_memory:
-            self._return_to(self._search_points)
+            self._restore_equilibria(self._search_points)
         self._substeps += self._step_to(LoadPoint(delta, self._search_time, self._search_slide))
         return self._force_and_depth
 

@@ -73,7 +73,7 @@ class Fields:
         )
 
     @cached_property
-    def _expressions(self) -> list[tuple[fem.Expression, np.ndarray, np.ndarray]]:
+    def _compiled_expressions(self) -> list[tuple[fem.Expression, np.ndarray, np.ndarray]]:
         """Expression of the values of each region, weights of its points, and cells."""
         expressions = []
         for strain in self.body.strain_energies:
@@ -196,7 +196,7 @@ class Fields:
         width = 11 + (self.body.fluid is not None) + self.body.scene.physics.yields
         values = np.zeros((len(self.body.mesh.topology.original_cell_index), 1 + width))
         for (expression, weights, cells), strain in zip(
-            self._expressions, self.body.strain_energies, strict=True
+            self._compiled_expressions, self.body.strain_energies, strict=True
         ):
             values_at_points = compat.evaluate_expression(expression, self.body.mesh, cells)
             values_of_region = np.einsum(

@@ -159,7 +159,10 @@ def refuse_other_scenes(config: Config, varied_keys: tuple[str, ...]) -> None:
             "a fit of a body that yields needs a sharp cone, whose loops at all depths are one; "
             "those of a sphere or a pyramid are not tabulated"
         )
-        remedy = "for a Berkovich or Vickers tip give a cone with half_angle 70.3 or 70.2996"
+        remedy = (
+            "replace a Berkovich or Vickers tip by the cone of equal cross-sections: half_angle "
+            "70.3 or 70.2996 degrees"
+        )
     elif config.tilt or config.contact.path_key:
         problem = "a fit of a body that yields needs an upright tip without friction or adhesion"
     elif any(law.creep for law in plasticities):
@@ -174,11 +177,6 @@ def refuse_other_scenes(config: Config, varied_keys: tuple[str, ...]) -> None:
             raise ConfigError(
                 key, "is not determined by a loop", f"vary keys of {', '.join(LOOP_KEYS)}"
             )
-
-
-def yields(config: Config) -> bool:
-    """Return whether a material of the scene yields."""
-    return any(law.plasticity for _, law in config.materials())
 
 
 class ConeLoopTable:
@@ -219,9 +217,9 @@ class ConeLoopTable:
         )
 
     @property
-    def solved(self) -> int:
-        """Number of runs so far."""
-        return self._grid.solved
+    def run_count(self) -> int:
+        """Number of runs that have been made for the table."""
+        return self._grid.computed_nodes
 
     def loop(self, metal: Metal) -> ConeLoop:
         """Return the loop of a material; outside MODULUS_RATIOS it is that of the nearest ratio."""

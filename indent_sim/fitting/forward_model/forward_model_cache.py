@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from indent_sim.config.scene_file import to_mapping, to_yaml
 from indent_sim.config.schema import Config
-from indent_sim.fitting.forward_model.cone_loop import yields
 from indent_sim.fitting.forward_model.elastic_load_curve import plan_elastic_run
 from indent_sim.fitting.forward_model.forward_model import ForwardModel
 from indent_sim.fitting.forward_model.loop_forward_model import LoopForwardModel
@@ -40,13 +39,13 @@ class ForwardModelCache:
             If the scene is not valid at any depth.
         """
         # One solution of a self-similar scene gives the forces at all depths.
-        has_one_solution = yields(config) or (
+        has_one_solution = config.yields or (
             is_self_similar(config) and not config.instrument.adhesion and measured_path is None
         )
         solved_depth = 0.0 if has_one_solution else max_depth
         # A loop is run to its own depths and back, whatever the loading of the scene is.
         document = {key: part for key, part in to_mapping(config).items() if key != "loading"}
-        scene = str(document) if yields(config) else to_yaml(config)
+        scene = str(document) if config.yields else to_yaml(config)
         cache_key = scene, keys, solved_depth, measured_path
         if cache_key not in self._models:
             max_models = 100
@@ -62,7 +61,7 @@ def _build_forward_model(
 ) -> ForwardModel:
     for key in keys:
         number_at(config, key)
-    if yields(config):
+    if config.yields:
         return LoopForwardModel(config, keys, max_depth)
     try:
         return ForwardModel(config, keys, max_depth, measured_path)

@@ -195,14 +195,15 @@ class LoopForwardModel(ForwardModel):
         rounds = 6
         for _ in range(rounds):
             E, loop = self.loop(theta)
-            log_curvature = math.log(curvature / (E * loop.curvature))
             if len(scaled) == 2 and stiffness is not None:
-                # s grows about as the power 0.85 of E/yield_stress (table of `configs/studies`).
+                # s grows about as the power 0.85 of E/yield_stress. The result is an initial guess.
                 log_ratio = math.log(stiffness / loop.stiffness) / 0.85
                 theta[keys.index(YIELD_STRESS_KEY)] -= log_ratio
                 E, loop = self.loop(theta)
                 theta[scaled] += math.log(curvature / (E * loop.curvature))
-            elif scaled:
+                continue
+            log_curvature = math.log(curvature / (E * loop.curvature))
+            if scaled:
                 # C grows about as the root of either pressure.
                 theta[scaled] += log_curvature / 0.5 / len(scaled)
             elif HARDENING_KEY in keys:

@@ -47,7 +47,7 @@ class ParameterGrid:
         self._node_values: dict[tuple[int, ...], np.ndarray | None] = {}
 
     @property
-    def solved(self) -> int:
+    def computed_nodes(self) -> int:
         """Number of nodes that have been computed."""
         return len(self._node_values)
 

@@ -32,14 +32,13 @@ def draw_unloading(axes: Axes, results: Results, depth: Axis, force: Axis) -> No
     """
     if not len(results) or "unloading_stiffness" not in results.table:
         return
-    row = int(np.argmax(results["force"]))
+    F_max = float(results["force"].max())
+    row = results.unloading_row(F_max)
     h_max = float(results["delta"][row])
-    F_max = float(results["force"][row])
     S = float(results["unloading_stiffness"][row])
     unloads = bool(np.any(results["delta"][row:] < h_max))
     if not (unloads and F_max > 0 and np.isfinite(S) and S > 0):
         return
-    h_c = h_max - EPSILON * F_max / S
     axes.plot(
         depth([h_max, h_max - F_max / S]),
         force([F_max, 0.0]),
@@ -48,28 +47,15 @@ def draw_unloading(axes: Axes, results: Results, depth: Axis, force: Axis) -> No
         zorder=1.5,
         label="tangent, with the unloading stiffness",
     )
-    axes.plot(
-        depth([h_c]),
-        force([0.0]),
-        color=TANGENT_COLOUR,
-        marker="v",
-        ls="",
-        ms=6,
-        zorder=3,
-        label=f"contact depth $h_c$ = {float(depth([h_c])[0]):.4g} (epsilon {EPSILON:g})",
-    )
+    h_c = float(depth([h_max - EPSILON * F_max / S])[0])
+    marks = [("v", TANGENT_COLOUR, h_c, f"contact depth $h_c$ = {h_c:.4g} (epsilon {EPSILON:g})")]
     step = imprint_step(results)
     if step is not None:
-        h_r = float(results["delta"][results["step"] == step][0])
+        h_r = float(depth(results["delta"][results["step"] == step])[0])
+        marks.append(("^", GREY, h_r, f"residual depth $h_r$ = {h_r:.4g}"))
+    for marker, colour, h, label in marks:
         axes.plot(
-            depth([h_r]),
-            force([0.0]),
-            color=GREY,
-            marker="^",
-            ls="",
-            ms=6,
-            zorder=3,
-            label=f"residual depth $h_r$ = {float(depth([h_r])[0]):.4g}",
+            [h], force([0.0]), color=colour, marker=marker, ls="", ms=6, zorder=3, label=label
         )
 
 

@@ -61,7 +61,7 @@ from indent_sim.run.error_estimation.film_error import FilmError
 from indent_sim.run.error_estimation.step_refinement import StepRefinement, value_difference
 from indent_sim.run.error_estimation.unloading_rows import (
     depth_without_force,
-    force_on_way_back,
+    unloading_force,
 )
 from indent_sim.scene.expected_error import FORCE_DEPTH_EXPONENT, edge_error
 from indent_sim.scene.measured_constants import (
@@ -280,7 +280,7 @@ class ErrorBars:
             return self._transient_force_difference(state, coarse_state)
         unloading = self._physics.path.unloading
         if unloading and step > unloading.start and self._physics.searches_unloading_depths:
-            coarse_force = force_on_way_back(coarse_states, unloading, state.delta)
+            coarse_force = unloading_force(coarse_states, unloading, state.delta)
             return abs(coarse_force - state.force)
         return abs(interpolate_force(coarse_state, state.delta, coarse_states) - state.force)
 
@@ -666,7 +666,7 @@ class ErrorBars:
         """True if no integration point is in contact because the depth is so small.
 
         For a time-dependent body it is always False, and also where a body that yields has been
-        pressed deeper before: there the tip has let go of the imprint.
+        pressed deeper before: there the tip has lost contact with the imprint.
         """
         has_imprint = self._physics.yields and any(
             row.force > 0 and row.delta > state.delta for row in self._run_states.values()

@@ -40,7 +40,7 @@ class StepRefinement:
         return SAFETY_FACTOR * value_difference(self.full_steps, self.half_steps, state.step, name)
 
     def residual_depth_error(self, unloading: Unloading) -> float:
-        """Return the error of the depth at which the force vanishes on the way back [length]."""
+        """Return the error of the depth at which the force vanishes in unloading [length]."""
         full, half = (
             depth_without_force(states, unloading) for states in (self.full_steps, self.half_steps)
         )

@@ -14,12 +14,12 @@ from indent_sim.run.error_estimation.coarser_run import StatesByStep
 EXPONENT = 1.5
 
 
-def force_on_way_back(states: StatesByStep, unloading: Unloading, delta: float) -> float:
+def unloading_force(states: StatesByStep, unloading: Unloading, delta: float) -> float:
     """Return the force of the rows of unloading at a depth [force]; NaN if rows are missing.
 
     Beyond the last row the force is zero.
     """
-    depths, forces = _way_back(states, unloading)
+    depths, forces = _unloading_rows(states, unloading)
     if len(depths) <= unloading.rows:
         return nan
     root = np.interp(delta, depths, np.maximum(forces, 0.0) ** (1 / EXPONENT))
@@ -27,11 +27,11 @@ def force_on_way_back(states: StatesByStep, unloading: Unloading, delta: float) 
 
 
 def depth_without_force(states: StatesByStep, unloading: Unloading) -> float:
-    """Return the depth at which the force vanishes on the way back [length].
+    """Return the depth at which the force vanishes in unloading [length].
 
     It is extrapolated from the last two rows with a force; NaN if rows are missing.
     """
-    depths, forces = _way_back(states, unloading)
+    depths, forces = _unloading_rows(states, unloading)
     loaded = forces > 0
     if len(depths) <= unloading.rows or np.count_nonzero(loaded) < 2:
         return nan
@@ -40,7 +40,7 @@ def depth_without_force(states: StatesByStep, unloading: Unloading) -> float:
     return float(depth - near * (deeper - depth) / (far - near)) if far > near else nan
 
 
-def _way_back(states: StatesByStep, unloading: Unloading) -> tuple[np.ndarray, np.ndarray]:
+def _unloading_rows(states: StatesByStep, unloading: Unloading) -> tuple[np.ndarray, np.ndarray]:
     """Return depths and forces of the rows from the beginning of unloading, deepest last."""
     steps = range(unloading.last, unloading.start - 1, -1)
     rows = [states[step] for step in steps if step in states]

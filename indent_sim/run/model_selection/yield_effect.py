@@ -113,7 +113,8 @@ def significant_yield_stress(v: SceneVariants) -> float:
         return solid.mean_pressure(slope) * rise**2 / elastic_pressure
 
     # The ratio falls with the strain ratio from 3 on, and is above 1 below.
-    low, high = 1e-6 * E * slope, E * slope / 2
+    low = 1e-6 * E * slope
+    high = E * slope / 2
     for _ in range(60):
         middle = sqrt(low * high)
         if force_ratio(middle) < 1 - v.tolerance:

@@ -45,3 +45,11 @@ def test_a_force_that_rises_has_no_half() -> None:
 def test_without_a_hold_there_is_none(branch: list[str]) -> None:
     assert first_hold(history(np.arange(6.0), np.ones(6), branch)) is None
     assert first_hold(Results(Path("run"), {"step": np.ones(1), "force": np.ones(1)})) is None
+
+
+def test_unloading_begins_at_the_end_of_a_hold() -> None:
+    """Prescribed forces of a hold are equal to 1e-10, and the first of these is the largest."""
+    force = np.array([0.0, 1.0, 2.0 + 1e-10, 2.0, 2.0 - 1e-10, 1.5, 0.0])
+    results = Results(Path("run"), {"force": force})
+    assert results.unloading_row(float(force.max())) == 4
+    assert Results(Path("run"), {"force": force[[0, 1, 3, 5]]}).unloading_row(2.0) == 2

@@ -12,12 +12,7 @@ from indentation_loops import FUSED_SILICA, STEEL, Loop, Sample, loop
 
 from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.process.errors import ConfigError, IndentSimError, UsageError
-from indent_sim.run.hardness_analysis import (
-    Hardness,
-    HardnessOptions,
-    analyse,
-    unloading_row,
-)
+from indent_sim.run.hardness_analysis import Hardness, HardnessOptions, analyse
 
 TITANIUM = Sample(E=116.0, H=3.2, nu=0.32, m=1.7)
 
@@ -272,8 +267,3 @@ def test_absurd_numbers_are_refused(tmp_path: Path) -> None:
     huge = replace(exact, h=1e60 * exact.h)
     with pytest.raises(UsageError, match="outside the range"):
         analysed(tmp_path, huge)
-
-
-def test_unloading_begins_at_the_end_of_a_hold() -> None:
-    assert unloading_row(np.array([0.0, 1.0, 2.0, 2.0, 2.0, 1.5, 0.0]), 2.0) == 4
-    assert unloading_row(np.array([0.0, 1.0, 2.0, 1.5, 0.0]), 2.0) == 2

@@ -63,10 +63,12 @@ def test_onset_at_small_nu_is_the_largest_stress_anywhere(nu: float) -> None:
     radius = np.sin(0.25 * pi * (nodes + 1))
     w_r = 0.25 * pi * weights * np.cos(0.25 * pi * (nodes + 1)) ** 2 * radius
     angles = 2 * pi * (np.arange(90) + 0.5) / 90
-    sx, sy = np.outer(radius, np.cos(angles)).ravel(), np.outer(radius, np.sin(angles)).ravel()
+    sx = np.outer(radius, np.cos(angles)).ravel()
+    sy = np.outer(radius, np.sin(angles)).ravel()
     force = np.outer(w_r, np.full(90, 2 * pi / 90)).ravel()
     for x, z in zip(rng.uniform(0, 1.2, 40), rng.uniform(0.15, 1.0, 40), strict=True):
-        dx, dy = x - sx, -sy
+        dx = x - sx
+        dy = -sy
         stress = _boussinesq(dx, dy, z, nu) @ force
         xx, yy, zz, xz = stress
         mises = np.sqrt(((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) / 2 + 3 * xz**2)
