@@ -526,7 +526,7 @@ def _summary_line(fits: CurveFits) -> str:
     if done and fits.request.varied_keys:
         key = fits.request.varied_keys[0]
         values = [float(entry["parameters"][key]["value"]) for entry in done]
-        quartiles = np.percentile(values, [25, 50, 75]).tolist()
+        quartiles = [float(value) for value in np.percentile(values, [25, 50, 75])]
         interval = Interval(quartiles[1], quartiles[0], quartiles[2])
         low, median, high = (
             format_value(key, fits.request.config, value, interval) for value in quartiles

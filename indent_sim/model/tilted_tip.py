@@ -513,7 +513,7 @@ def _last_inside(is_inside: Callable[[np.ndarray], np.ndarray], start: np.ndarra
         if not inside.any():
             break
         high = np.where(inside, 2 * high, high)
-    low = np.zeros(len(high))
+    low: np.ndarray = np.zeros(len(high))
     for _ in range(BISECTIONS):
         middle = 0.5 * (low + high)
         inside = is_inside(middle)

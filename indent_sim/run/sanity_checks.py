@@ -148,8 +148,15 @@ def _check_contact_found(scene: Scene, state: State, earlier: PreviousRows) -> s
 
 
 def _check_contact_radius(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
-    """Check that the contact exceeds the end of the tip by at most two elements."""
-    end = scene.physics.indenter.radius_at(scene.physics.body.height)
+    """Check that the contact exceeds the end of the tip by at most two elements.
+
+    No contact lies higher above the apex than the body's height, unless the body is a gel, which
+    swells around the tip.
+    """
+    tip = scene.physics.indenter
+    end = tip.radius_at(scene.physics.body.height)
+    if scene.physics.is_swelling:
+        end = max_radius(tip)
     L = scene.physics.scales.length
     if state.a <= (end + 2 * scene.sizes.h_contact) * L:
         return None

@@ -21,6 +21,7 @@ from indent_sim.scene.measured_constants import (
     ELEMENTS_PER_RADIUS,
     FLAT_INCLUSION_FACTOR,
     MAX_INCLUSION_WEIGHT,
+    SWELLING_CORNER_SIZE,
 )
 from indent_sim.scene.path_rows import path_rows
 from indent_sim.scene.problem_setup import ProblemSetup
@@ -114,6 +115,8 @@ def refine_corners(
     )
     if physics.domain.dim == 2 and h is None and is_size_free and needs_refinement:
         h = min(corner.size(corner_error_share * error, n) for corner in near_corners)
+        if physics.is_swelling:
+            h = max(h, SWELLING_CORNER_SIZE * default_sizes.h_contact)
     if h is None:
         return replace(
             default_sizes,

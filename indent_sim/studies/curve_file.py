@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from math import isnan
 from pathlib import Path
 
 import numpy as np
@@ -136,7 +137,7 @@ def _csv_lines(keys: Sequence[str], rows: Iterator[RowWithCurve]) -> Iterator[st
         text = io.StringIO()
         writer = csv.writer(text, lineterminator="\n")
         values = [study_table.cell_text(row[name]) for name in columns]
-        for step, *numbers in curve.tolist():
-            cells = ["" if number != number else repr(number) for number in numbers]
-            writer.writerow([*values, int(step), *cells])
+        for numbers in curve:
+            cells = ["" if isnan(number) else repr(float(number)) for number in numbers[1:]]
+            writer.writerow([*values, int(numbers[0]), *cells])
         yield text.getvalue()

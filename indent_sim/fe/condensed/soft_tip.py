@@ -117,7 +117,7 @@ class SoftTipCondenser:
         # The pressure ends in a step at the edge of the tip. Continued beyond it, a part of the
         # force would be lost.
         end = float(tip.X[..., 0].max()) * self._length_ratio
-        is_inside = (surface.X[..., 0] <= end * (1 + EDGE_TOLERANCE)).all(axis=1)
+        is_inside = np.all(surface.X[..., 0] <= end * (1 + EDGE_TOLERANCE), axis=1)
         inside = np.unique(surface.nodes[is_inside])
         mass = surface_mass_matrix(surface.select_facets(is_inside), areas[is_inside])
         pressures = splu(csc_matrix(mass[inside][:, inside])).solve(forces[inside])

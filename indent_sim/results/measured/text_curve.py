@@ -500,6 +500,6 @@ def _continued_times(t: np.ndarray) -> np.ndarray:
         return t
     step = float(np.median(steps[steps > 0])) if np.any(steps > 0) else 0.0
     shifted = t.copy()
-    for row in restarts.tolist():
+    for row in map(int, restarts):
         shifted[row + 1 :] += shifted[row] + step - shifted[row + 1]
     return shifted
