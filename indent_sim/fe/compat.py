@@ -132,8 +132,8 @@ def function_space(mesh: Mesh, element: Element) -> fem.FunctionSpace:
 def _coordinate_element(dim: int, order: int) -> Element:
     """Vector-valued Lagrange element of the mesh coordinates.
 
-    FFCx before 0.7 sets the variant of the element when it compiles the first kernel, which changes
-    the names of later kernels; so it is set here.
+    FFCx before 0.7 sets the variant of the element when it compiles the first kernel, which would
+    change the names of later kernels. This function therefore sets the variant before.
     """
     if DOLFINX_VERSION >= (0, 8):
         return lagrange_element(dim, order, dim)
@@ -249,7 +249,7 @@ class _ComponentSimplifier(MultiFunction):
         )
 
     def conditional(self, expression: Expr, condition: Expr, true: Expr, false: Expr) -> Expr:
-        """Return zero if both branches are zero."""
+        """Simplify a conditional expression to zero if both of its branches are zero."""
         if isinstance(true, Zero) and isinstance(false, Zero):
             return true
         return self.reuse_if_untouched(expression, condition, true, false)

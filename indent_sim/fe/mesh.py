@@ -184,7 +184,7 @@ def _curved_geometry(grid: Grid, part: ModelDomain) -> tuple[np.ndarray, np.ndar
 
 
 def _quadratic_geometry(grid: Grid, part: ModelDomain) -> tuple[np.ndarray, np.ndarray]:
-    """Return points and cells of a section with edge midpoints, those of a spherical top on it."""
+    """Return points and cells of a section; edge midpoints on a spherical top are on the sphere."""
     corners = grid.cells
     n = len(grid.points)
     edges = np.sort(corners[:, [[1, 2], [0, 2], [0, 1]]], axis=2).reshape(-1, 2)

@@ -162,14 +162,14 @@ class Problem:
     def limit_curvature(self, *, is_limited: bool) -> None:
         """Switch the limit of the pressure in the tangent's curvature term on or off.
 
-        It is needed far from equilibrium, see `terms.contact.traction.Traction.tangent`.
+        The limit is needed far from equilibrium; see `terms.contact.traction.Traction.tangent`.
         """
         for term in self.terms:
             term.limit_curvature(is_limited=is_limited)
 
     @property
     def has_membrane(self) -> bool:
-        """True if a term has a membrane stiffness, see `set_membrane_stiffness`."""
+        """True if a term has a membrane stiffness; see `set_membrane_stiffness`."""
         return any(term.has_membrane for term in self.terms)
 
     def set_membrane_stiffness(self, stiffness: float) -> None:

@@ -58,7 +58,7 @@ class FlatBelow:
     spring: float
 
     def imbalance(self, nodal_forces: np.ndarray) -> float:
-        """Return the force on the tip minus that on the flat, which the spring takes [force]."""
+        """Return the force on the tip minus that on the flat [force], carried by the spring."""
         return float(self.signs @ nodal_forces)
 
 
@@ -111,12 +111,12 @@ class Compliance:
 
     @property
     def C(self) -> np.ndarray:
-        """Downward displacements (n, n) for unit downward forces [length/force]."""
+        """Downward displacements (n, n) of the candidates per unit downward force."""
         return self.matrix[: self.size, : self.size]
 
     @property
     def rests_on_flat(self) -> np.ndarray | None:
-        """Whether each facet of the trace (facets,) may touch the flat; None if bonded."""
+        """Whether each facet of the trace (facets,) may touch the flat; None for a bonded body."""
         if self.flat is None:
             return None
         return np.asarray((self.flat.signs < 0)[self.trace.nodes].all(axis=1))
@@ -136,7 +136,7 @@ class Compliance:
 
 
 class Condenser:
-    """Factors the stiffness matrix of a linear body once and condenses it to parts of its surface.
+    """Factors the stiffness matrix of a linear body once; condenses the body to its surface.
 
     With several ranks, each rank factors the whole body and solves for its share of the unit
     forces. If the memory does not suffice, all ranks factor the body together and solve for all
@@ -218,7 +218,7 @@ class Condenser:
         self._force_dofs: tuple[Compliance, OwnedDofs] | None = None
 
     def _pins_of_all_ranks(self) -> list[int]:
-        """Return one entry per pin on every rank: the local dof on its owner, -1 elsewhere."""
+        """Return each pin's local dof on the rank that owns it, and -1 on the other ranks."""
         counts = self.body.comm.allgather(len(self.body.pin_dofs))
         local_pins = iter(self.body.pin_dofs)
         ranks = np.repeat(np.arange(len(counts)), counts)

@@ -61,7 +61,7 @@ class ContactState(NamedTuple):
     slide
         Horizontal displacement of the tip from where it was pressed in [length].
     motion
-        Motion of a body that rests on a flat at which its spring is free of force [length].
+        Rigid motion of a body that rests on a flat, at which the spring is free of force [length].
     """
 
     forces: np.ndarray
@@ -114,7 +114,7 @@ class CondensedContact:
 
     @property
     def F(self) -> np.ndarray:
-        """Nodal forces (nodes,), positive downwards, on a flat below upwards [force]."""
+        """Nodal forces (nodes,) into the body: downwards, on a flat below upwards [force]."""
         return self.forces[0]
 
     @property
@@ -136,14 +136,14 @@ class CondensedContact:
 
     @property
     def _approach(self) -> float | np.ndarray:
-        """Approach of tip or flat to the body [length], the depth or an array (facets, 1)."""
+        """Approach of tip or flat to the body [length]: the depth, or one value per facet."""
         if self.compliance.flat is None:
             return self.depth
         return self._tip_facets * (self.depth - self.motion) + (1 - self._tip_facets) * self.motion
 
     @property
     def base_approach(self) -> float:
-        """Motion of a body that rests on a flat towards it [length]; 0 for other bodies."""
+        """Motion of a body towards the flat on which it rests [length]; 0 for other bodies."""
         flat = self.compliance.flat
         return 0.0 if flat is None else self.motion + flat.spring * flat.imbalance(self.F)
 
@@ -362,7 +362,7 @@ class CondensedContact:
         return False
 
     def update_multiplier(self, mixing: uzawa.Mixing) -> float:
-        """Update the multiplier; return its relative difference from the projection before that."""
+        """Update the multiplier; return the relative difference of its old value and projection."""
         before = self.lam
         image = self.project(self.F)
         change = np.linalg.norm(image - before)
@@ -472,8 +472,8 @@ class CondensedContact:
         """Return the derivative of the sum of the nodal forces with respect to the depth.
 
         It is the stiffness of the model domain [force/length], from the tangent of the present
-        equilibrium. The change of the multiplier with the depth is included, also if Uzawa's
-        iteration updates it.
+        equilibrium. The change of the multiplier with the depth is included even if Uzawa's
+        iteration updates the multiplier.
         """
         tip, from_tip = self._approach_response()
         if self.compliance.flat is None:
@@ -519,10 +519,11 @@ class CondensedContact:
 
     @cached_property
     def _pressure_matrices(self) -> tuple[np.ndarray, ...]:
-        """Vectors and matrices of the equations for the nodal pressures, at any place of the tip.
+        """Matrices of the equations for nodal pressures that do not depend on the tip's position.
 
-        These are the nodes with an area, the matrix Q of forces per nodal pressure, the areas, the
-        compliance Q' C Q of the weighted gaps, and the areas that the tip may touch.
+        They are the numbers of the nodes whose area is not zero, the matrix Q of nodal forces per
+        nodal pressure, the areas of these nodes, the compliance Q' C Q of the weighted gaps, and
+        the parts of the areas that the tip may touch.
         """
         N = shape_functions(split_quadrature(self.compliance.trace.dim)[0])
         W, psi = self._split_areas
@@ -552,7 +553,7 @@ class CondensedContact:
         """Return the integrals of values (facets, points) times the pressure shape functions.
 
         The points are those of the quadrature of nodal pressures; there is one integral for each
-        node with an area.
+        node whose area is not zero.
         """
         W, psi = self._split_areas
         carriers = self._pressure_matrices[0]
@@ -573,7 +574,7 @@ class CondensedContact:
         return x[carriers], heights, areas, A
 
     def solve_active_set(self) -> bool:
-        """Solve the complementarity problem of the nodal pressures p; return True.
+        """Solve the complementarity problem of the nodal pressures p; always return True.
 
         The problem is p >= 0, p G = 0 and weighted gaps G = heights - delta * areas + A p >= 0.
         """
@@ -608,8 +609,9 @@ class CondensedContact:
     def side_force(self, axis: int) -> float:
         """Return the horizontal force on the tip along an axis, of the model domain [force].
 
-        It is that of friction; if the path slides, also that of the pressure on the slope of the
-        tip, which is minus the derivative of the energy with respect to the tip's position.
+        It is the force of friction. If the load path contains a slide, it includes the force of the
+        pressure on the slope of the tip, which is minus the derivative of the energy with respect
+        to the tip's position.
         """
         friction = 0.0 if self.friction is None else float(self.forces[1 + axis].sum())
         slope_force = self._slope_force(axis) if self.scene.physics.slides else 0.0
@@ -653,7 +655,7 @@ class CondensedContact:
 def _local_matrix_entries(
     facet_nodes: np.ndarray, size: int, m: int, is_constrained: Any
 ) -> tuple[np.ndarray, ...]:
-    """Return the positions of the entries of facet matrices in the matrix of the touched nodes.
+    """Return the positions of the entries of facet matrices in a matrix of nodes in contact.
 
     Parameters
     ----------

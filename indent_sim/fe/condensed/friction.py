@@ -158,7 +158,7 @@ class CondensedFriction:
         )
 
     def _displacements_along_tip(self) -> np.ndarray:
-        """Nodal displacements, along the horizontal axes relative to the tip [length]."""
+        """Nodal displacements [length], of which the horizontal ones are relative to the tip."""
         u = self._nodal_displacements()
         u[1:] -= self._tip_displacement[:, None]
         return u
@@ -387,7 +387,7 @@ class CondensedFriction:
         return float((W * (heat + is_implicit * (trial.trial_pressure <= 0) * leaving_heat)).sum())
 
     def _present_trial(self, points: SurfacePoints) -> TrialTraction:
-        """Evaluate the trial tractions of the present nodal forces; see `_evaluate_trial`."""
+        """Evaluate the trial tractions for the present nodal forces; see `_evaluate_trial`."""
         u = self._nodal_displacements()
         lam = self._contact.lam[self._contact.candidates]
         trial_pressure = lam - self._law.stiffness * u[0]

@@ -10,9 +10,9 @@ The resultant and the work of the pressure are conserved, and both surfaces appr
 
     C = C_1 + P^T C_2 P,
 
-which is all that the contact needs. Interpolating the tip's displacement instead would let a finer
-tip see point loads: the force is then 1 % wrong. Source: Wriggers, Computational Contact Mechanics
-(2006), 8.4 (mortar method).
+which is all that the contact needs. If the displacement of the tip were interpolated instead, a
+finer mesh of the tip would be loaded by point forces, and the force would be 1 % wrong. Source:
+Wriggers, Computational Contact Mechanics (2006), 8.4 (mortar method).
 """
 
 from __future__ import annotations
@@ -77,7 +77,8 @@ class SoftTipCondenser:
     def condense(self, radius: float, track: TipTrack, axes: Sequence[int]) -> Compliance:
         """Return the compliance of both surfaces at the nodes of the body near the axis.
 
-        Parameters as in `Condenser.condense`; radius [length of the body].
+        The parameters are those of `Condenser.condense`; the radius is in the body's unit of
+        length.
         """
         rigid_tip = self.body_condenser.condense(radius, track, axes)
         if self._compliance is not None and rigid_tip is self._rigid_tip:
@@ -129,7 +130,7 @@ class SoftTipCondenser:
 
     @property
     def observed_dofs(self) -> np.ndarray:
-        """Local positions of the displacements of the body's surface, see `Condenser`."""
+        """Local positions of the displacements of the body's surface; see `Condenser`."""
         return self.body_condenser.observed_dofs
 
     def tip_sink(self, nodal_forces: np.ndarray) -> float:

@@ -38,8 +38,8 @@ class LoadControl:
     deepest
         Largest trial depth [length].
     starts_from_row
-        True for a path-dependent body: every trial starts from the last accepted row, so that a
-        depth that failed once is not tried again.
+        True for a path-dependent body: every trial starts from the equilibrium of the last accepted
+        row, so that a depth at which the solution failed is not tried again.
     slack
         Relative error of the force that is accepted where no floating-point number lies between two
         trial depths.
@@ -82,12 +82,13 @@ class LoadControl:
         delta
             First trial depth [length].
         slope
-            Slope of the curve if none is known from the previous row [force/length].
+            Slope of the curve [force/length], used if no slope is known from the previous row.
 
         Returns
         -------
         bool
-            True if the body is in equilibrium at this force; otherwise `failure` says why not.
+            True if the body is in equilibrium at this force; otherwise `failure` contains the
+            reason.
         """
         tried_points = list[ForceDepth]()
         lower = -math.inf
@@ -161,7 +162,8 @@ class LoadControl:
         Returns
         -------
         bool
-            True if the body is in equilibrium at this force; otherwise `failure` says why not.
+            True if the body is in equilibrium at this force; otherwise `failure` contains the
+            reason.
         """
         if self._touch_pull is not None:
             if force < -self._touch_pull:

@@ -37,7 +37,8 @@ class StepSizeControl:
     always_tried_step
         Increments down to this length are tried, however long the distance to the target is.
     slides_around_edge
-        True if the surface slides around the edge of a punch, whose path is given up earlier.
+        True if the surface slides around the edge of a punch, in which case a path is given up
+        earlier.
     """
 
     def __init__(

@@ -309,7 +309,7 @@ def contact_area_within_step(
     trial_pressure : ndarray, (facets, points)
         Trial pressure p_hat [pressure].
     size : float
-        Area or width where p_hat > 0, which is returned without a step.
+        Area or width where p_hat > 0, which is returned if the pressure has no step.
     force : float
         Contact force on this area or width.
     """

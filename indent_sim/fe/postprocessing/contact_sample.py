@@ -32,8 +32,8 @@ class ObservedBody(Protocol):
     friction : object or None
         `shear_at(points)` is the tangential multiplier tau (facets, points, axes) [pressure].
         `stick_margin_at(points)` is friction p - |t_hat| (facets, points) [pressure], >= 0 where
-        the surface sticks; only `contact_values` needs this method. `CondensedState` has it, but
-        not the whole body recovered for tables and fields.
+        the surface sticks; only `contact_values` needs this method. `CondensedState` has this
+        method; the whole body that is recovered for tables and fields does not.
     fluid : object or None
         `pressure_at(points)` is the pore pressure (facets, points) relative to the bath [pressure].
     """

@@ -137,7 +137,7 @@ def _peak_of_facet_means(
 
 
 def _may_touch_unindented(body: ObservedBody, pressure: np.ndarray) -> bool:
-    """Return whether there may be contact at delta <= 0, by adhesion or swelling (collective)."""
+    """Return whether there may be contact at delta <= 0 by adhesion or swelling (collective)."""
     physics = body.scene.physics
     if not physics.is_time_dependent:
         return physics.contact.may_snap_through

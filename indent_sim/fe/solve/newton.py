@@ -361,7 +361,7 @@ class Newton:
         )
 
     def discard_tangent(self) -> None:
-        """Make the next use of the tangent assemble it anew."""
+        """Mark the tangent as outdated, so that it is assembled anew before its next use."""
         self._has_tangent = False
 
     def stiffness(self) -> float:

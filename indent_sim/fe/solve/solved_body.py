@@ -34,8 +34,8 @@ class SolvedBody(WholeBody):
     def tip_displacement(self, r: np.ndarray) -> np.ndarray:
         """Return the height of a soft tip's deformed surface above the undeformed one [length].
 
-        Both are taken at the same radii r [length]; 0 for a rigid tip. Beyond the meshed part of
-        the surface it is that at its end.
+        Both heights are taken at the same radii r [length]; the result is 0 for a rigid tip. Beyond
+        the meshed part of the surface, the value at the end of this part is returned.
         """
         if not isinstance(self._contact, SoftTipContact):
             return 0.0 * r

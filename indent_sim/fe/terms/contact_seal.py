@@ -158,7 +158,7 @@ class ContactSeal(Term):
 
     @property
     def _retracted_outflow(self) -> np.ndarray:
-        """Part of the first stage's outflow that the second must not extrapolate [length^3].
+        """Part of the first stage's outflow that the second stage must not extrapolate [length^3].
 
         It is non-zero at vertices that the tip has covered between the stages, where the outflow
         has stopped.
@@ -178,7 +178,7 @@ class ContactSeal(Term):
     def freeze(self) -> None:
         """Keep the seal unchanged in all stages and trials of a step from now on.
 
-        It corresponds to the contact of the accepted state until `update_contact` changes it.
+        The seal corresponds to the contact of the accepted state until `update_contact` changes it.
         """
         self.is_frozen = True
 

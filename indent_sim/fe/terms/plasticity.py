@@ -101,7 +101,7 @@ class PlasticStrainEnergy(StrainEnergy):
         self.begin_stage(Stage(0.0))
 
     def _energy_densities(self, material: Material, H: Expr, q: Expr | None) -> tuple[Expr, Expr]:
-        """Return the stored energy density with the state at quadrature points and as cell means.
+        """Return the stored energy density for the state at quadrature points and for cell means.
 
         The volumetric part is that of the law, with a field q that is the mean stress.
         """
@@ -120,7 +120,7 @@ class PlasticStrainEnergy(StrainEnergy):
         return self._increment.stored + self._volume, self.psi
 
     def _radial_return(self, H: Expr, state: fem.Function) -> _Increment:
-        """Return the increment of load from an accepted state to the displacement gradient H."""
+        """Return the radial return from an accepted state to the displacement gradient H."""
         dim = self.body.body_mesh.dim
         plastic_tensor = symmetric_tensor(state, dim)
         alpha = state[self._alpha_index]
@@ -218,7 +218,7 @@ class PlasticStrainEnergy(StrainEnergy):
 
     @property
     def cell_sample(self) -> CellSample:
-        """The fields that stand for a cell: means over its quadrature points.
+        """The fields that represent a cell: means over its quadrature points.
 
         The mean internal variables of a cell and the strain at its centroid give a stress that is
         off the yield surface by up to the variation of both in the cell.

@@ -35,7 +35,7 @@ class QuadratureField:
     function : fem.Function
         The values at the quadrature points.
     mean : fem.Function
-        Their mean in each cell, which stands for the field at other points; see `update_means`.
+        Their mean in each cell, which is used for the field at other points; see `update_means`.
     points : ndarray
         Quadrature points (n, dim) of the reference cell.
     """

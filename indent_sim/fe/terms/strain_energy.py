@@ -41,7 +41,7 @@ def pressure_fields(scene: Scene) -> list[Field]:
 
 
 class CellSample(NamedTuple):
-    """Fields of a region whose mean over points stands for a cell.
+    """Fields of a region whose means over points represent a cell.
 
     Attributes
     ----------
@@ -125,7 +125,7 @@ class StrainEnergy(Term):
 
     @property
     def cell_sample(self) -> CellSample:
-        """The fields that stand for a cell: those at its centroid."""
+        """The fields that represent a cell: the fields at its centroid."""
         dim = self.body.body_mesh.dim
         centroid = np.full((1, dim), 1 / (dim + 1))
         return CellSample(centroid, np.ones(1), self.stress, self.psi)

@@ -95,11 +95,11 @@ class NodalContact(Term):
         ]
 
     def _lateral_facet_values(self, gap: Gap) -> FacetValues | None:
-        """Return values of gap, lever and slopes of a tilted or sliding tip; None for others.
+        """Return gap, lever arm and slopes at facets for a tilted or sliding tip; None for others.
 
-        The slopes are those of the gap with the position of the tip along the horizontal axes.
-        The gap is among the values because a kernel needs the constants that the derivatives lack:
-        dolfinx numbers those of an expression before it is differentiated, and the kernel after.
+        The slopes are the derivatives of the gap with respect to the tip's position along the
+        horizontal axes. The gap is included because dolfinx numbers the constants of an expression
+        before differentiation, and the kernel after it: the derivatives alone may lack constants.
         """
         physics = self.body.scene.physics
         if not physics.has_moment:
@@ -242,7 +242,8 @@ class NodalContact(Term):
     def side_force(self, axis: int) -> float:
         """Horizontal force of the pressures on the tip along an axis [force], this rank's part.
 
-        If the tip slides it is -dPi/dx, which includes the slope of the tip with a reference gap.
+        If the tip slides it is -dPi/dx, which with a reference gap includes the force of the
+        pressure on the slope of the tip.
         """
         if self._lateral_values is None:
             return 0.0

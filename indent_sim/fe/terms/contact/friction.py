@@ -289,7 +289,7 @@ class Friction(Term):
     def side_force(self, axis: int) -> float:
         """Horizontal force on the tip [force], this rank's part.
 
-        It is that of pressure and friction; if the tip slides, of friction alone, since then
-        `Traction` has the force of the pressure.
+        It is the force of pressure and friction. If the tip slides, it is the force of friction
+        alone, because `Traction` then evaluates that of the pressure.
         """
         return float(fem.assemble_scalar(self._side_force_forms[axis]))

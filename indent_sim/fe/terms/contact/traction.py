@@ -137,7 +137,7 @@ class Traction(Term):
         )
 
     def limit_curvature(self, *, is_limited: bool) -> None:
-        """Limit the pressure times the tip's curvature in the tangent, see `tangent`."""
+        """Switch the limit of the pressure in the tangent's curvature term; see `tangent`."""
         self._curvature_is_limited.value = float(is_limited)
 
     def force(self) -> float:
