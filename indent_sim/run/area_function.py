@@ -42,7 +42,7 @@ class AreaFunction:
     smallest, largest
         Range of depths [length] in which the function is known.
     tip
-        The tip, if its section is the area.
+        The tip whose section is the area; None for other area functions.
     """
 
     words: str

@@ -134,7 +134,7 @@ class DerivedQuantities:
 def punches_of(scene: Scene, equilibrium: Equilibrium = None) -> Punches:
     """Return flat punches of every radius on a linear axisymmetric body.
 
-    They are solved by theory or by static condensation.
+    The punches are solved by theory or by static condensation.
 
     Raises
     ------

@@ -560,7 +560,7 @@ class _HistoryEvaluation:
         return calibration.stiffness, hypot(calibration.stiffness, radius_exponent * calibration.R)
 
     def _force_with_radius(self, radius_ratio: float) -> float:
-        """Return the elastic force at the largest depth for a tip with its radius scaled."""
+        """Return the elastic force at the largest depth for a tip with another radius."""
         theory = self.scene.plan.theory
         tip = self.scene.physics.indenter.scaled(radius_ratio)
         contact = theory.contact if theory else None

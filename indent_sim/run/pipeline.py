@@ -136,7 +136,7 @@ def simulate(
     directory
         Result folder; by default that of the config.
     progress
-        Called after every row with its state, its number and the number of rows.
+        Function that is called after every row with its state, its number and the number of rows.
     resume
         Keep the rows of an earlier run of the same config and compute only the missing rows.
     error_bars
@@ -177,12 +177,12 @@ def simulate_in_memory(config: Config, scene: Scene, name: str = "run") -> Resul
     scene
         The scene that `resolve` makes of the config.
     name
-        Path of the results, which exists only as a name.
+        Path by which the results are named; nothing is written there.
 
     Raises
     ------
     UsageError, BackendError
-        The environment is at fault, not this scene.
+        The cause of the failure is the environment and not this scene.
     """
     folders: list[MemoryFolder] = []
 

@@ -123,14 +123,14 @@ def try_remedies(
     failed
         The row that did not converge.
     iterations_left
-        Newton iterations on the mesh of the run that all trials together may take the work of; no
-        trial begins beyond this number.
+        Limit of the work of all trials together, as a number of Newton iterations on the mesh of
+        the run; no trial begins after it is reached.
     dofs
         Predicted number of unknowns of the run.
     resolve
-        Returns the scene of a config.
+        Function that returns the scene of a config.
     solve_states
-        Solves a scene and yields its states.
+        Function that solves a scene and yields its states.
     """
     reports: list[str] = []
     for remedy in remedies_found:

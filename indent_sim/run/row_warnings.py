@@ -77,8 +77,8 @@ def lost_contact_warnings(scene: Scene, states: Sequence[State]) -> list[str]:
     """Return warnings about rows in which the surface of a shrinking gel has left the tip.
 
     The force of these rows is zero although the tip is below the undeformed surface, or was in
-    contact before. Rows while the tip retracts are left out, and prescribed forces keep the
-    contact.
+    contact before. Rows in which the tip retracts are left out. Under prescribed forces the contact
+    is never lost.
 
     Parameters
     ----------

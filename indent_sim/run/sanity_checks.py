@@ -12,10 +12,11 @@ the tip snaps in or off. With flow or relaxation depth and force depend on time,
 compare rows are left out. With friction a part of the work of loading is dissipated, so that forces
 are compared only during loading.
 
-A body that yields stores only a part of the work and keeps an imprint, in which the tip may hang
-free at a smaller depth. In place of the bounds on the energy, and of those by elastic theory, the
-balance of work, stored and dissipated energy is then checked during loading, the dissipated energy
-does not fall, the force falls only if the depth does, and it is at most that of an elastic body.
+A body that yields stores only a part of the work and keeps an imprint, in which the tip may have no
+contact at a smaller depth. In place of the bounds on the energy, and of those by elastic theory,
+the balance of work, stored and dissipated energy is then checked during loading, the dissipated
+energy does not fall, the force falls only if the depth does, and it is at most that of an elastic
+body.
 
 Each rule is a function of the scene, a converged state and the previous rows (in the user's units).
 It returns a sentence, or None if the state satisfies it. The bounds are wide enough for coarse
@@ -332,7 +333,10 @@ def _check_side_force(scene: Scene, state: State, earlier: PreviousRows) -> str 
 
 
 def _check_against_theory(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
-    """Check that F/F_theory is in its admissible range, for exact theory that of the error bar."""
+    """Check that F/F_theory is in its admissible range.
+
+    If the theory is exact for the body, F must also agree with it within the error bar.
+    """
     theory = scene.plan.theory
     scales = scene.physics.scales
     solution = scene.theory_solution(state.delta / scales.depth)
@@ -384,8 +388,9 @@ def _check_plastic_work(scene: Scene, state: State, earlier: PreviousRows) -> st
 def _check_soft_tip(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
     """Check the parts of depth and energy of a soft tip on the mesh of the body.
 
-    Both bodies are elastic and share depth and energy, and during loading the energy is the work.
-    The work is the integral of the force over the rows by trapezoids, whose error is estimated.
+    The displacement of the tip must be a part of the depth, and its energy a part of the energy of
+    both bodies. During loading the energy of both bodies must equal the work, which is the integral
+    of the force over the rows by trapezoids, whose error is estimated.
     """
     if state.tip_sink is None or state.tip_energy is None or not scene.has_two_body_mesh:
         return None
@@ -442,7 +447,8 @@ def _check_force_follows_depth(scene: Scene, state: State, earlier: PreviousRows
 def _check_elastic_bound(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
     """Check that a body that yields has at most the force of an elastic one at the same depth.
 
-    Elastic theory is for small strain; a law of finite strain may exceed it by a factor.
+    The elastic force is that of small-strain theory; with a law of finite strain the force may
+    exceed it by a factor.
     """
     theory = scene.plan.theory
     scales = scene.physics.scales
@@ -515,7 +521,7 @@ RULES_BROKEN_BY_YIELD: Rules = (
 
 
 def _may_be_in_imprint(scene: Scene, state: State, earlier: PreviousRows) -> bool:
-    """True if the tip may hang free in the imprint that a larger depth has left."""
+    """True if the tip may be out of contact in the imprint that a larger depth has left."""
     return scene.physics.yields and state.delta < earlier.max_depth
 
 

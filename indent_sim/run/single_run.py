@@ -254,7 +254,7 @@ class SingleRun:
 
     @property
     def _path(self) -> LoadPath:
-        """The path, with the depths of finished rows if those of unloading are searched for."""
+        """The load path; if unloading depths are searched for, it has those of finished rows."""
         physics = self.scene.physics
         if not physics.searches_unloading_depths:
             return physics.path

@@ -97,7 +97,7 @@ def theory_comparison(
 
 
 def _mirror_notes(scene: Scene) -> list[str]:
-    """Return a note if the theory's force is a fraction of that of contact and mirror images."""
+    """Return a note if the force of theory is divided between the contact and mirror images."""
     fraction_names = {2: "half", 4: "a quarter"}
     return (
         [

@@ -58,7 +58,7 @@ def published_comparison(scene: Scene, states: Sequence[State]) -> dict[str, Any
 
 
 def onset_entry(scene: Scene, states: Sequence[State]) -> dict[str, Any] | None:
-    """Return the entry `onset_of_yield` of run.json; None if it is not known.
+    """Return the entry `onset_of_yield` of run.json; None if the onset is not known.
 
     It has depth, force and contact radius at the onset of yield, and whether the run has yielded.
     """

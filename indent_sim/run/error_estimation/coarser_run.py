@@ -122,9 +122,10 @@ def halve_increments(scene: Scene) -> Scene | None:
 
 
 def with_solved_depths(scene: Scene, states: States) -> Scene:
-    """Return the scene with the depths of its rows as they were solved, if they are searched for.
+    """Return the scene with the solved depths of its rows prescribed, if they were searched for.
 
-    Other increments on the same depths differ by the error of the increments alone.
+    Two solutions with different increments to the same depths differ only by the error of the
+    increments.
     """
     physics = scene.physics
     if not physics.searches_unloading_depths:

@@ -263,7 +263,7 @@ class ErrorBars:
         return error
 
     def _elements_in_radius(self, state: State) -> float:
-        """Return the elements in the contact radius without refinement at edges or corners."""
+        """Return the number of elements in the contact radius without refinement at its edge."""
         regular_sizes = replace(self._sizes, corners=(), punch_edge=None)
         return regular_sizes.elements_in_contact(state.a / self._scales.length)
 
@@ -379,9 +379,10 @@ class ErrorBars:
 
         The moment grows with a higher power of the contact radius than the force, so that its
         relative error is MOMENT_ERROR_RATIO times that of the force. It is at least the grid
-        convergence index of the moment itself, and the effect of the error of the contact's ends.
-        The moment of a tip that slides changes its sign and has the error of its largest value; it
-        depends on the side force, whose load increments matter, too.
+        convergence index of the moment itself, and at least the effect of an error of the contact's
+        ends. The moment of a tip that slides changes its sign and has the error of its largest
+        value; it depends on the side force and therefore also has an error due to the load
+        increments.
         """
         if state.moment is None or state.x_contact is None:
             return {}
@@ -489,10 +490,11 @@ class ErrorBars:
         return end_element / max(width, min(end_element, state.a))
 
     def _penalty_error_of_other_column(self, step: int, name: str) -> float:
-        """Return the error of a quantity due to the penalty, assuming a power of 1/epsilon_n.
+        """Return the error of a quantity due to the penalty, a power of 1/epsilon_n.
 
-        The error is linear in 1/epsilon_n. With a surface tension gamma, the pressure of a penalty
-        ends within (gamma/epsilon_n)^(1/2) of the contact edge, so that this is the error of a.
+        The error is linear in 1/epsilon_n, except for the contact radius a under a surface tension
+        gamma: the pressure of a penalty then ends within (gamma/epsilon_n)^(1/2) of the contact
+        edge, which is the error of a.
         """
         if self._soft_states is None:
             return 0.0
@@ -503,7 +505,7 @@ class ErrorBars:
     def _residual_depth_error(self, state: State) -> float | None:
         """Return the error of the residual depth [length]; NaN in rows without it.
 
-        None if the scene does not have it. The depth that the body recovers has at least the
+        None if the scene has no residual depth. The depth that the body recovers has at least the
         relative error that the mesh causes in the force.
         """
         unloading = self._physics.path.unloading
@@ -544,10 +546,11 @@ class ErrorBars:
         return max(abs(getattr(row, name) or 0.0) for row in self._run_states.values())
 
     def _unbalanced_slope_force(self, state: State, end_element: float) -> float:
-        """Return the side force on the slope of the tip [force] by an error of the contact's ends.
+        """Return the error of the side force due to an error of the contact's ends [force].
 
-        If one end of the contact moves by its error, its middle moves by half of it, and the force
-        acts where the slope of the tip is that of the edge times this part of the radius.
+        If one end of the contact moves by its error, the middle of the contact moves by half of it.
+        The force then acts where the slope of the tip equals the slope at the edge times the ratio
+        of this displacement to the radius.
         """
         tip = self._physics.indenter
         if not tip.is_axisymmetric or state.a <= 0:
@@ -558,7 +561,7 @@ class ErrorBars:
         return abs(state.force) * slope * shift / state.a if isfinite(slope) else 0.0
 
     def _error_of_slide_dissipation(self, state: State) -> float:
-        """Return the error of the dissipation that follows from that of the side force Q [energy].
+        """Return the error of the dissipation due to the error of the side force Q [energy].
 
         The elastic energy of the shear, Q^2/(2 k), is not dissipated. The error of this energy is
         (Q/k) times the error of Q at the beginning and the end of the row. k is the slope of the
@@ -636,10 +639,11 @@ class ErrorBars:
     def _long_step_error(self, state: State, name: str) -> float:
         """Return the error of the stick radius or the dissipation due to a long increment.
 
-        It is 0 for other results. Halving the increment may not show it. With the relative change c
-        of the contact radius in the increment, which is 1 from no contact, the relative error of
-        the dissipation is c^2. That of the stick radius is the larger one of c and its own relative
-        change; for a stick zone narrower than an element `_unresolved_stick` is added.
+        The error of other results is 0. Halving the increment may not show this error. With the
+        relative change c of the contact radius in the increment, which is 1 from no contact, the
+        relative error of the dissipation is c^2. That of the stick radius is the larger one of c
+        and its own relative change; for a stick zone narrower than an element `_unresolved_stick`
+        is added.
         """
         previous = self._run_states.get(state.step - 1)
         value = getattr(state, name)
@@ -665,8 +669,8 @@ class ErrorBars:
     def _is_contact_missed(self, state: State) -> bool:
         """True if no integration point is in contact because the depth is so small.
 
-        For a time-dependent body it is always False, and also where a body that yields has been
-        pressed deeper before: there the tip has lost contact with the imprint.
+        The result is False for a time-dependent body, and for a body that yields and was pressed
+        deeper before, because the tip has then lost contact with the imprint.
         """
         has_imprint = self._physics.yields and any(
             row.force > 0 and row.delta > state.delta for row in self._run_states.values()
@@ -675,7 +679,7 @@ class ErrorBars:
         return is_free and not self._physics.is_time_dependent and not has_imprint
 
     def _missed_contact_parts(self, state: State) -> dict[str, float]:
-        """Return the parts of the error of the force [force] for such a row."""
+        """Return the parts of the error of the force [force] for a row whose contact was missed."""
         return {"discretisation": self._value_at_next_deeper_row(state, "force")}
 
     def _value_at_next_deeper_row(self, state: State, name: str) -> float:

@@ -32,7 +32,7 @@ def solve_no_slip_effect(run: CoarserRun, follow: Callable[[Scene], States]) -> 
     run
         The run, or its coarser run.
     follow
-        Solves a scene and returns its states.
+        Function that solves a scene and returns its states.
 
     Returns
     -------

@@ -275,10 +275,10 @@ def _largest_estimated_tilt(v: SceneVariants) -> float:
 
 
 def _tilt_ratio(v: SceneVariants, tilt: float) -> float:
-    """Return the force of the upright tip with the sections of a tilted one, over that of the tip.
+    """Return F of the upright tip with the sections of a tilted tip, divided by F of the tip.
 
-    Boundary elements on a half-space gave 0.5, 2 and 6 % more for a cone of 70 degrees at 5, 10 and
-    15 degrees, and the same for a paraboloid.
+    Boundary elements on a half-space gave a force that is larger by 0.5, 2 and 6 % for a cone of 70
+    degrees at 5, 10 and 15 degrees, and the same for a paraboloid.
     """
     scene: Any = v.theory_variant
     equivalent = _upright_equivalent(v, tilt)
@@ -297,9 +297,10 @@ def _tilt_source(v: SceneVariants) -> str:
 
 
 def _slide_variant(v: SceneVariants, **contact: Any) -> Config:
-    """Return the linear scene of the given body and tip that slides along the first stretch.
+    """Return the linear scene with a slide along the first stretch of the scene's slide.
 
-    It is pressed to the largest depth, which is held, on the elements of the scene.
+    The tip is pressed to the largest depth, which is held during the slide. The element sizes are
+    those of the scene.
     """
     slide: Any = v.config.loading.slide
     # The force at the end of the slide does not depend on the number of increments before it.

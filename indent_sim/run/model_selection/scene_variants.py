@@ -64,7 +64,7 @@ class SceneVariants:
     compliance
         Compliance of cantilever and frame [length/force].
     known_no_slip
-        Effect of no slip if theory knows it.
+        Effect of no slip if it is known from theory.
     has_cylinder_stand_in
         True if a box, or a cylinder under an off-axis tip, is replaced by a cylinder that ends at
         the nearest side.
@@ -176,8 +176,8 @@ class SceneVariants:
     def replace_body(self, scene: Config) -> Config:
         """Return a scene of this body on a stand-in that does not need a three-dimensional mesh.
 
-        A box is replaced by a cylinder up to its nearest side. Inclusions that are not axisymmetric
-        about the tip are removed.
+        A box is replaced by a cylinder that ends at its nearest side. Inclusions that are not
+        axisymmetric about the tip are removed.
         """
         body = scene.body
         is_axisymmetric = all(
@@ -270,7 +270,7 @@ class SceneVariants:
         return replace_sections(config, indenter=rigid_tip)
 
     def planned_force(self, config: Config) -> float:
-        """Return the force of a scene at its largest depth by its theory, also if not exact.
+        """Return the force of a scene at its largest depth by theory, even if it is not exact.
 
         Raises ValueError without a theory.
         """
@@ -401,7 +401,8 @@ class SceneVariants:
     def _history_ratio(self, with_effect: Config, without_effect: Config) -> float:
         """Return the ratio of the forces of two histories at the row of the largest force.
 
-        If forces are prescribed, it is relative to the elastic force at the depth of this row.
+        If forces are prescribed, the ratio is relative to the elastic force at the depth of this
+        row.
         """
         rows = self.solver.history(with_effect).rows
         top_row = max(rows, key=lambda row: row.force)

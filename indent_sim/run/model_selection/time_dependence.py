@@ -137,7 +137,7 @@ class TransientVariants(SceneVariants):
 
     @property
     def drainage_range(self) -> tuple[float, float, float]:
-        """Return bounds and value of the change of the force relative to the drained body."""
+        """Return (low, high, value) of F/F_drained - 1, the change from the drained body."""
         return _range_of_limits(
             self._largest_force_row.force,
             self._limit_force("drained"),
@@ -146,7 +146,7 @@ class TransientVariants(SceneVariants):
 
     @property
     def swelling_range(self) -> tuple[float, float, float]:
-        """Return bounds and value of the change of the force relative to swelling equilibrium.
+        """Return (low, high, value) of F/F_swollen - 1, the change from swelling equilibrium.
 
         Both forces are at the same depth, in the bath of the row.
         """
@@ -321,7 +321,7 @@ class TransientVariants(SceneVariants):
 
 
 def _range_of_limits(force: float, first: float, second: float) -> tuple[float, float, float]:
-    """Return bounds and value of the relative change of the force from the first limit."""
+    """Return (low, high, value) of the relative change of the force from the first limit."""
     low, high = sorted((0.0, second / first - 1))
     return low, high, force / first - 1
 

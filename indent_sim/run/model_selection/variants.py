@@ -109,9 +109,9 @@ def rounded_law(material: Material) -> Material:
 
 
 def change_laws(config: Config, change: LawChange, **sections: Any) -> Config:
-    """Return the config with the laws of body and soft tip changed, for a change of the strain.
+    """Return the config with the laws of body and soft tip changed, such as to finite strain.
 
-    Parameters as in `change_materials`.
+    The parameters are those of `change_materials`.
     """
     tip: Any = config.indenter
     if tip.elastic_part:

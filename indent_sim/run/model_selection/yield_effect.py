@@ -132,7 +132,7 @@ def yield_needs(v: SceneVariants) -> str:
 
 
 def yield_source(v: SceneVariants) -> str:
-    """Return text on the estimate of that yield stress."""
+    """Return text on the estimate of the yield stress that changes the force by the tolerance."""
     onset = onset_yield_stress(v)
     if onset == onset:
         return f"Hertz and von Mises: yield begins on this path at a yield stress of {onset:.2g}"
