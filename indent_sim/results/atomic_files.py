@@ -1,4 +1,4 @@
-"""Atomic writing of files: neither a reader nor a kill ever sees a partial change."""
+"""Atomic writing of files: no reader ever sees a partial change, even after a kill."""
 
 from __future__ import annotations
 

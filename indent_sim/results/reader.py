@@ -246,8 +246,8 @@ def _is_result_table(path: Path) -> bool:
 def _read_curve_file(path: Path) -> Results:
     """Read the first curve of a file of measured curves as a table.
 
-    If the file has no depth, the displacement z of the base is used instead. What the reader
-    guessed, such as the meaning of a column, is a warning.
+    If the file has no depth, the displacement z of the base is used instead. Every assumption made
+    in reading, such as the meaning of a column, is added as a warning.
     """
     # This import loads the readers of all formats, which a simulation does not need.
     from indent_sim.results.measured.curve_file import read_curves

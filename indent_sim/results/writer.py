@@ -144,7 +144,7 @@ class ResultFolder:
             write_atomically(self.path / name, content, self._next_write_syncs)
 
     def _resume_previous_run(self, earlier: PreviousRun) -> None:
-        """Continue in the folder of a previous run, behind its last complete row."""
+        """Continue in the folder of a previous run, after its last complete row."""
         self._output.resume_in_place()
         # An older version of this program may have written fewer columns.
         self._columns = earlier.columns

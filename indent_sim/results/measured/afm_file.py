@@ -1,4 +1,4 @@
-"""Reader of AFM files of JPK, and by the optional package afmformats of other makers.
+"""Reader of AFM files of JPK and, by the optional package afmformats, of other makers.
 
 The other makers are Asylum and AFM workshop.
 """

@@ -201,7 +201,7 @@ def _column(layout: TextLayout, word: str, file: str) -> Column:
 
 
 def _roles_without_titles(layout: TextLayout) -> ColumnRoles:
-    """Return the roles of two columns without titles; raise NoCurve for another number."""
+    """Return the roles of two columns without titles; raise NoCurve if there are not two."""
     if layout.other_titles:
         raise NoCurve(
             f"the titles '{layout.other_titles[:80]}' are not those of {layout.width} columns: "

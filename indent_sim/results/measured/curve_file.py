@@ -74,8 +74,8 @@ def read_curves(
     Raises
     ------
     NoCurve
-        If the file contains no curve; the message gives the reason. The sequence of a map raises it
-        for a curve that is damaged.
+        If the file contains no curve; the message gives the reason. For a map, the returned
+        sequence raises NoCurve when a damaged curve is read.
     ConfigError
         A column of `columns` does not exist.
     UsageError

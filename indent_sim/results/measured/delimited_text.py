@@ -157,7 +157,7 @@ class _RowReader:
         return numbers.reshape(-1, len(self.columns))  # type: ignore[no-any-return]
 
     def _parse_lines(self, number: int, block: str) -> np.ndarray:
-        """Parse a block line by line; NoCurve names an invalid line."""
+        """Parse a block line by line; raise NoCurve with the number of an invalid line."""
         layout = self.layout
         rows: list[list[float]] = []
         for line_number, cells, line in self.lines(number, block):

@@ -102,7 +102,7 @@ class IndentationCycle:
 
     @property
     def h_p(self) -> float | None:
-        """Depth at which the force of unloading vanishes [length]; None if it does not."""
+        """Depth at which the force of unloading vanishes [length]; None if it never does."""
         if self._end_of_contact < self.end:
             return self._zero_crossing
         # A force below this fraction of the largest one counts as zero.

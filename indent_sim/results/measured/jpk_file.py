@@ -74,7 +74,8 @@ def read_jpk_file(path: Path, stiffness: float | None = None) -> Sequence[Measur
     Raises
     ------
     NoCurve
-        If the file or its only curve cannot be read. The sequence of a map raises it for a curve.
+        If the file or its only curve cannot be read. For a map, the returned sequence raises
+        NoCurve when a damaged curve is read.
     Uncalibrated
         If the first curve has no force.
     """
@@ -137,8 +138,8 @@ class JpkFile:
     def curve(self, index: int) -> MeasuredCurve:
         """Return a curve in SI units, from the beginning of its approach on.
 
-        Segments are approach, hold and retract by their style: extend, pause and retract; that of
-        a modulation is the part "modulation".
+        A segment of the style extend, pause or retract becomes the part approach, hold or retract
+        of the curve; a segment with modulation becomes the part "modulation".
 
         Raises
         ------
@@ -351,7 +352,7 @@ class JpkFile:
             raise self._no_curve(f"{name} {reason}") from None
 
     def _no_curve(self, why: str) -> NoCurve:
-        """Return the error of this file."""
+        """Return a NoCurve error that names this file."""
         return NoCurve(why, str(self.path))
 
 

@@ -76,10 +76,10 @@ class MeasuredCurve:
     units
         Names of the units of length, force and time; "" if the file has no units.
     notes
-        Sentences about assumptions of the reader.
+        Sentences about assumptions that were made when the file was read.
     is_abscissa_guessed
-        True if nothing in the file says that `delta` is a depth. If the scene has a spring, it is
-        then taken as the displacement of the base.
+        True if nothing in the file says that `delta` is a depth. If the scene has a spring, `delta`
+        is then taken as the displacement of the base.
     """
 
     name: str

@@ -91,7 +91,7 @@ def read_text_curves(
     NoCurve
         If the file is not a table of numbers; the message gives the reason and the line.
     ConfigError
-        A column or a role of `columns` does not exist, or the text of the sensitivity is not one.
+        A column or a role of `columns` does not exist, or the text of the sensitivity is not valid.
     """
     text = decode(data)
     layout = detect_layout(text)
@@ -167,7 +167,7 @@ class _Quantities:
         self.stiffness = self._stiffness_of_header()
 
     def curve(self, table: TextRows, indices: Sequence[int]) -> tuple[_Rows, dict[str, slice]]:
-        """Return the rows of a table as a curve, and its parts as far as columns tell them."""
+        """Return the rows of a table as a curve, and its parts if the columns determine them."""
         places = {index: k for k, index in enumerate(indices)}
         rows = [
             _complete_rows(
@@ -457,7 +457,7 @@ def _part_words(rows: _Rows, layout: TextLayout) -> tuple[np.ndarray | None, lis
 
 
 def _parts_by_words(words: np.ndarray) -> tuple[dict[str, slice], list[str]]:
-    """Return the parts by words, and sentences; no parts if the words do not name any."""
+    """Return the parts that the words name, and sentences about assumptions."""
     distinct = set(words.tolist())
     if len(distinct) == 1 and not next(iter(distinct)).strip("0123456789. "):
         return {}, []
@@ -479,7 +479,7 @@ def _parts_by_words(words: np.ndarray) -> tuple[dict[str, slice], list[str]]:
 def _order_of_time(
     t: np.ndarray | None, has_parts: bool
 ) -> tuple[np.ndarray | None, tuple[str, ...]]:
-    """Return the order that sorts the rows by time (None if they are sorted), and sentences.
+    """Return the order that sorts the rows by time (None if they are sorted), and notes.
 
     If the times restart a few times, they are counted in each segment, and the segments follow each
     other.

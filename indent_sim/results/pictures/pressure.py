@@ -90,7 +90,7 @@ class ContactSurface:
 
     @property
     def half_width(self) -> float:
-        """Half-width of the view [length]: 1.5 contact radii or all loaded points.
+        """Half-width of the view [length]: 1.5 contact radii, or more to show all loaded points.
 
         The corners of a polygonal contact with few sides are farther from the axis than 1.5 times
         the radius of a circle of equal area.
