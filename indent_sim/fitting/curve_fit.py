@@ -156,7 +156,7 @@ class CurveFit:
 
 
 def keys_of_part(keys: Sequence[str], part: CurvePart) -> tuple[str, ...]:
-    """Return the varied keys; a work of adhesion has two, if both branches are fitted."""
+    """Return the varied keys; a work of adhesion becomes two keys if both branches are fitted."""
     if part == "both" and ADHESION_WORK_KEY in keys and RETRACT_WORK_KEY not in keys:
         after = list(keys).index(ADHESION_WORK_KEY) + 1
         return (*keys[:after], RETRACT_WORK_KEY, *keys[after:])
@@ -211,9 +211,10 @@ def fit_curve(curve: MeasuredCurve, request: FitRequest, tables: ForwardModelCac
 
 
 def _with_parts_by_force(curve: MeasuredCurve) -> MeasuredCurve:
-    """Return the curve of a body that yields with its parts found by the force.
+    """Return the curve of a body that yields, divided into its parts by the force.
 
-    Such a body recovers by some per cent of the depth, so that by its depth unloading is a hold.
+    Such a body recovers by only some per cent of the depth, so that a division by the depth would
+    take unloading for a hold.
     """
     depth = curve.abscissa_values(curve.available_abscissa("delta"))
     try:
@@ -370,7 +371,7 @@ def _fit_adhesive_load_curve(
 def _fit_loop(
     config: Config, request: FitRequest, samples: Samples, tables: ForwardModelCache
 ) -> Estimate:
-    """Fit a body that yields to loading and unloading.
+    """Fit the loading and unloading of a body that yields.
 
     Raises
     ------
@@ -525,7 +526,7 @@ def prepare_curve(curve: MeasuredCurve, request: FitRequest) -> tuple[Config, Sa
 
 
 def _order_by_time(samples: Samples, curve: MeasuredCurve, part: CurvePart) -> Samples:
-    """Return the samples in the order of time; of a whole curve, each with its branch."""
+    """Return the samples in the order of time; those of a whole curve also have their branch."""
     if part == "approach" and samples.x[0] > samples.x[-1]:
         # The rows of this file are in the order of z, so that they begin at the deepest point.
         return Samples(
@@ -969,7 +970,7 @@ def _summary(assessment: ModelAssessment, config: Config) -> str:
 
 
 def _hardening_sentence(estimate: Estimate) -> str:
-    """Return a sentence if one loop does not tell the yield stress from hardening, else ""."""
+    """Return a sentence if one loop does not separate yield stress and hardening, else ""."""
     keys = estimate.model.forward_model.varied_keys
     if not {YIELD_STRESS_KEY, HARDENING_KEY} <= set(keys):
         return ""

@@ -79,8 +79,8 @@ class Design:
     helps
         Changes of the experiment with their intervals.
     baseline
-        Sufficient length of the baseline in depths: a longer one makes no interval narrower by more
-        than 5 %.
+        Sufficient length of the baseline, in units of the largest depth: a longer one makes no
+        interval narrower by more than 5 %.
     depth, force
         Depth [length] and force [force] of the deepest sample.
     noise

@@ -237,7 +237,7 @@ def _is_bare_base(fitter: MapFitter, scene: MapScene) -> np.ndarray:
     Raises
     ------
     ConfigError
-        If there is no spring, behind which the depth is a small difference.
+        If the scene has no cantilever, whose deflection shows where the base is bare.
     """
     if not scene.forward_model.experiment.compliance:
         raise ConfigError(

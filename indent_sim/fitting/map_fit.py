@@ -256,7 +256,7 @@ class MapFitter:
     Parameters
     ----------
     read
-        Returns the approach of a curve, in order of time, in the units of the scene.
+        Function that returns the approach of a curve, in order of time, in the units of the scene.
     count
         Number N of curves.
     model
@@ -530,7 +530,7 @@ class WeightedFit:
 def _fit_weighted(
     model: CurveModel, p: np.ndarray, noise: PooledNoise, tolerance: float = MAP_TOLERANCE
 ) -> WeightedFit:
-    """Fit curves with the weights of the noise, and compute the covariance for its true form."""
+    """Fit curves with the weights W, and compute the covariance for the noise V itself."""
     n = model.samples.x.shape[-1]
     metric = noise.metric(n)
     p, _ = minimize_squares(model, p, metric, tolerance=tolerance)

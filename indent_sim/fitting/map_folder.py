@@ -201,7 +201,7 @@ def _draw(map_fit: MapFit, sample: list[CurveFit], request: FitRequest, director
 
 
 def _si_unit(request: FitRequest, kind: str | None) -> tuple[str, float]:
-    """Return the SI unit of a quantity and the factor to it; without units of the scene "", 1."""
+    """Return the SI unit of a quantity and the factor to it; "" and 1 for a scene without units."""
     units = request.config.units
     if kind is None or not units.length or not (units.force or kind == "length"):
         return "", 1.0

@@ -182,8 +182,8 @@ def thickness_model(scene: MapScene, thickness: np.ndarray, max_depth: float) ->
     scene
         The scene, with a body that has a height.
     thickness
-        Thickness of each curve (N,) [length]. Load curves of thinner bodies than
-        `thinnest_body(max_depth)` are those of this thickness.
+        Thickness of each curve (N,) [length]. Bodies thinner than `thinnest_body(max_depth)` have
+        the load curve of this thickness.
     max_depth
         Largest depth of the map [length].
 

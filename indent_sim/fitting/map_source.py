@@ -176,7 +176,7 @@ def _select_rows(curves: MeasuredMap, rows: tuple[int, int]) -> MeasuredMap:
 
 @dataclass(frozen=True)
 class _CurveFiles:
-    """Files of the curves of a map, one for each, and the spring constant of the scene [N/m]."""
+    """Files of the curves of a map, one for each curve, and the scene's spring constant [N/m]."""
 
     files: Sequence[Path]
     reading: ReadOptions

@@ -114,7 +114,7 @@ class ConeLoop:
 
     @staticmethod
     def unpack(packed: np.ndarray) -> ConeLoop:
-        """Return the loop of interpolated numbers."""
+        """Return the loop that has the given numbers, which may be interpolated."""
         curvature, stiffness, recovery = np.exp(packed[:3]).tolist()
         errors = np.abs(packed[-2:]).tolist()
         return ConeLoop(curvature, stiffness, recovery, packed[3:-2], *errors)
@@ -283,7 +283,7 @@ def loop_of_rows(h: np.ndarray, F: np.ndarray, S: np.ndarray, E: float) -> ConeL
 def _recovery_estimate(config: Config) -> float:
     """Return F_max/(S h_max) of a scene within some 20 %, from runs of a 70.3 degree cone.
 
-    It places the rows of unloading only.
+    The estimate is used only to place the rows of unloading.
     """
     metal = metal_of(config)
     # Representative plastic strain 0.033 of this cone: Dao et al. (2001).
@@ -298,7 +298,8 @@ def _recovery_estimate(config: Config) -> float:
 def _without_step_error(k: np.ndarray, values: np.ndarray) -> tuple[float, float]:
     """Return the limit of values (m,) at rows k (m,) for short increments, and its relative error.
 
-    The values are a line in 1/k; the error is the standard deviation of its limit.
+    A line in 1/k is fitted to the values; the error is the standard deviation of the line at 1/k =
+    0.
     """
     coefficients, covariance = np.polyfit(1.0 / k, values, 1, cov=True)
     limit = float(coefficients[1])

@@ -99,7 +99,7 @@ class ElasticLoadCurve:
     def log_variation(self, delta: np.ndarray, coefficients: np.ndarray) -> np.ndarray:
         """Return a Chebyshev series in s, such as g(s), at depths (n,) [length].
 
-        It is constant below the smallest s and above 1.
+        The series is continued by constants below the smallest s and above s = 1.
         """
         s = np.clip(np.sqrt(np.maximum(delta, 1e-300) / self.max_depth), *ROOT_DOMAIN)
         values: np.ndarray = chebyshev.chebval(_map_to_unit_interval(s), coefficients)

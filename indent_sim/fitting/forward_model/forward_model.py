@@ -150,7 +150,7 @@ class ForwardModel:
 
     @property
     def follows_loop(self) -> bool:
-        """True if the force of unloading differs from that of loading, as of a body that yields."""
+        """True if the forces of unloading and of loading differ, as those of a body that yields."""
         return False
 
     @property
@@ -406,7 +406,7 @@ class ForwardModel:
     def _depth(
         self, load_curve: LoadCurve, settings: ExperimentSettings, x: np.ndarray
     ) -> np.ndarray:
-        """Return the depths at displacements of the base of the spring, if there is one."""
+        """Return the depths at displacements x of the base; without a spring they are x."""
         if not settings.compliance:
             return x
         force = self._solve_spring_balance(
@@ -585,8 +585,8 @@ class ForwardModel:
         """Return the force of an adhesive tip at displacements (n,).
 
         If the branch of the samples is None, the tip is in contact from first contact (x = 0) until
-        pull-off. A sample that is in contact beyond pull-off has the force at pull-off, and one
-        beyond the largest punch a linear continuation.
+        pull-off. A sample that is in contact beyond pull-off has the force at pull-off. Beyond the
+        largest punch the force is continued linearly.
         """
         works = {APPROACH: settings.adhesion_work, RETRACT: settings.retract_work}
         if branch is None:
@@ -646,7 +646,8 @@ class ForwardModel:
     def bound_work(self, lowest: float) -> ForwardModel:
         """Return the model with a lower bound of its works of adhesion during fits [force/length].
 
-        Below it the work of adhesion is so small that its logarithm has no effect on the force.
+        Below this bound the work of adhesion is so small that its logarithm has no effect on the
+        force.
         """
         model = copy.copy(self)
         model.lowest_work = lowest

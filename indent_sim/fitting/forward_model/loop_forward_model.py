@@ -34,7 +34,7 @@ class LoopForwardModel(ForwardModel):
     Raises
     ------
     ConfigError
-        If the scene is not a cone on a half-space, or a key is another one.
+        If the scene is not a cone on a half-space, or a key is none of these parameters.
     """
 
     def __init__(self, config: Config, varied_keys: Sequence[str], max_depth: float):
@@ -114,7 +114,7 @@ class LoopForwardModel(ForwardModel):
         t: np.ndarray | None = None,
         branch: np.ndarray | None = None,
     ) -> np.ndarray:
-        """Return the forces (..., n) at depths x (..., n); without branches all is loading."""
+        """Return the forces (..., n) at depths x (..., n), of loading if no branches are given."""
         if theta.ndim > 1:
             turns = np.broadcast_to(self._turn, len(theta))
             return np.stack(
@@ -165,7 +165,7 @@ class LoopForwardModel(ForwardModel):
         return np.zeros(len(x))
 
     def unloading_errors(self, theta: np.ndarray, x: np.ndarray, branch: np.ndarray) -> np.ndarray:
-        """Return the errors (2, n) of the force due to those of stiffness and recovery."""
+        """Return the errors (2, n) of the force due to errors of stiffness and recovery."""
         E, loop = self.loop(theta)
         step = 1e-3
         turn = float(self._turn.reshape(-1)[0])

@@ -168,7 +168,7 @@ def _replace_forward_model(model: CurveModel, forward_model: ForwardModel) -> Cu
 def _fit_adhesion(estimate: Estimate, config: Config, tables: ForwardModelCache) -> Estimate | None:
     """Return the fit of the scene with a free work of adhesion.
 
-    If the work is free already, its power of the contact radius is fitted as well.
+    If the work is already fitted, a power of the contact radius by which it changes is fitted too.
     """
     forward_model = estimate.model.forward_model
     if forward_model.is_time_dependent:

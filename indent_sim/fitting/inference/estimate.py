@@ -264,13 +264,13 @@ class CurveModel:
         return depth
 
     def _forward_model_at(self, p: np.ndarray) -> ForwardModel:
-        """Return the forward model, of a loop with the depth at which unloading begins."""
+        """Return the forward model; the model of a loop gets the depth where unloading begins."""
         if not isinstance(self.forward_model, LoopForwardModel) or self.samples.turn is None:
             return self.forward_model
         return self.forward_model.turned_at(self.samples.turn - p[..., self.coordinate_count])
 
     def unloading_errors(self, p: np.ndarray) -> np.ndarray:
-        """Return the errors (m, n) of the force due to those of tabulated unloading."""
+        """Return the errors (m, n) of the force due to errors of the tabulated unloading."""
         model = self._forward_model_at(p)
         if not isinstance(model, LoopForwardModel) or self.samples.branch is None:
             return np.zeros((0, len(self.samples)))

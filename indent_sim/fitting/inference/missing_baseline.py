@@ -57,7 +57,7 @@ class KnownBaseline:
     other_samples: tuple[Samples, ...] = ()
 
     def fits(self, known: Estimate, free: Estimate) -> bool:
-        """Return whether a curve without a baseline is fitted as well with the known one."""
+        """Return whether the known baseline fits the curve as well as a free one does."""
         return self.origin.has_slope or known.rms < MAX_RMS_RATIO * free.rms
 
 

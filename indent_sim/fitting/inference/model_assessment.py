@@ -1,8 +1,8 @@
 """Assessment of a fit: adequacy of the model, and stated intervals of the parameters.
 
-A scene does not explain a curve if the residuals have a trend, if the value changes with the depth
-range of the fit, if the contact is noisier than the baseline, or if another model is better. The
-interval is then widened until it contains the values of those fits.
+A scene does not explain a curve if the residuals have a trend, if the parameters change with the
+depth range of the fit, if the contact is noisier than the baseline, or if another model is better.
+The interval is then widened until it contains the values of those fits.
 """
 
 from __future__ import annotations
