@@ -50,7 +50,7 @@ _Term = Callable[[Numbers], Any]
 
 
 class ConditionError(ValueError):
-    """A text is not a condition; the message tells what is wrong with it."""
+    """Error: a text is not a condition; the message describes the error in the text."""
 
 
 @dataclass(frozen=True)

@@ -123,7 +123,7 @@ def scrambled_blocks(dimension: int, seed: int) -> Iterator[np.ndarray]:
 
 
 def _values(sampled: SampledRange, fractions: np.ndarray) -> list[float | StiffnessMultiple]:
-    """Return the values of a sampled key, with the same rounding as those of other ranges."""
+    """Return the values of a sampled key, rounded like those of ranges that are not sampled."""
     values = [float(f"{value:.12g}") for value in sampled.values_at(fractions).tolist()]
     return [StiffnessMultiple(value) for value in values] if sampled.is_stiffness else list(values)
 

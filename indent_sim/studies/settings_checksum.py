@@ -15,8 +15,9 @@ from indent_sim.studies.study_file import RunRequest, StudyFile
 class SettingsChecksum:
     """Checksum of the scene's document and of the settings that change it.
 
-    The same settings give the same physics; other settings may do so, too. Titles and outputs do
-    not affect it. A file that the scene names counts with its size and the time of its last change.
+    Equal settings give equal physics; different settings may give equal physics, too. Titles and
+    outputs do not affect it. A file that the scene names counts with its size and the time of its
+    last change.
     """
 
     def __init__(self, study: StudyFile):

@@ -596,7 +596,7 @@ class _StudyReader:
         return str(folders)
 
     def check_run_folders(self, study: StudyFile) -> None:
-        """Raise ConfigError if a study without result folders requests what needs them."""
+        """Raise ConfigError if a study without result folders requests something that needs one."""
         if study.keeps_all_runs:
             if study.point_count > MAX_FOLDERS:
                 raise self.config_error(

@@ -159,7 +159,7 @@ def requested_figure(
 
 
 def _curve_styles(curve_groups: CurveGroups) -> tuple[list[PlotStyle], list[str], Any]:
-    """Return style and name of every curve, and a colour scale if it replaces names, else None.
+    """Return style and name of every curve, and a colour scale (or None) in place of names.
 
     Curves that differ in one number, and many curves, are coloured by the first number.
     """

@@ -93,9 +93,9 @@ def rows(
 ) -> list[Row]:
     """Return the scoreboard: one row per case with a published value, in the order of the file.
 
-    The columns `difference` and `ours_difference` are in per cent of the exact value; `wrong` tells
-    which of the two values is wrong: nobody, published, ours, both or unknown. Unknown cells are
-    None.
+    The columns `difference` and `ours_difference` are in per cent of the exact value; `wrong`
+    states which of the two values is wrong: nobody, published, ours, both or unknown. Unknown cells
+    are None.
     """
     case_results = {
         str(case.values.get(CASE_COLUMN)): (case, results_by_id.get(case.id)) for case in cases
