@@ -188,8 +188,8 @@ class Compression:
     dimensions
         Number of dimensions of the top: 2, or 1 in plane strain.
     max_area_ratio
-        Ratio of the area of the tip to the undeformed area of the top; at a larger ratio of the
-        top's area the body bulges past the edge of the tip.
+        Ratio of the area of the tip to the undeformed area of the top; if the area of the top grows
+        by a larger factor, the body bulges past the edge of the tip.
     """
 
     bar: Bar

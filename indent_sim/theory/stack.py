@@ -82,7 +82,7 @@ class Stack:
         """Return a homogeneous half-space with the modulus E*, as a stack.
 
         The result depends only on E*, so that nu = 0 is used. `unit` [L] is the unit of length,
-        best of the order of a contact radius.
+        which should be of the order of a contact radius.
         """
         return cls((StackLayer(unit, E_star, 0.0), StackLayer(math.inf, E_star, 0.0)), None)
 

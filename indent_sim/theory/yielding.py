@@ -164,9 +164,9 @@ class YieldingSolid:
     def contact_height(self, slope: float, *, is_round: bool) -> float:
         """Return the height of the tip at the contact edge above its apex, divided by the depth.
 
-        It is below 1 where the surface sinks in and above 1 where it piles up. It grows from that
-        of an elastic half-space with the strain ratio and falls with hardening, measured on cones
-        to 20 % for n = 1.
+        It is below 1 where the surface sinks in and above 1 where it piles up. From the value of an
+        elastic half-space it grows with the strain ratio. It falls with hardening, by 20 % for n =
+        1, as measured on cones.
         """
         strain_ratios, heights = (
             (ROUND_STRAIN_RATIOS, ROUND_CONTACT_HEIGHTS)
