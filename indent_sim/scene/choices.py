@@ -73,7 +73,7 @@ def model_choices(setup: ProblemSetup) -> Choices:
 
 
 def _onset_text(setup: ProblemSetup) -> str:
-    """Return from which depth on a body yields, as the end of a sentence; "" if not known."""
+    """Return the end of a sentence on the depth at which the body yields; "" if not known."""
     onset = setup.yielding.onset if setup.yielding else None
     if onset is None:
         return ""
@@ -176,7 +176,7 @@ def mesh(
     sizes : Sizes
         The chosen element sizes, nondimensional.
     fineness : MeshResolution or None
-        The mesh resolution that `accuracy` asks for.
+        The mesh resolution that the requested `accuracy` requires; None without `accuracy`.
 
     Returns
     -------

@@ -57,7 +57,7 @@ class SolverWork:
     holding_steps : int
         Number of further steps of a linear body in which the tip is at rest.
     least_solves : float
-        Number of linear solves that the path takes at least, however few its steps are.
+        Smallest number of linear solves of the path, for any number of steps.
     yields : bool
         True if the body may yield.
     """

@@ -91,7 +91,7 @@ def _refuse_curve_features(setup: ProblemSetup, why: str) -> None:
 
 
 def _refuse_curve(config: Config, setup: ProblemSetup, solver: Choice, key: str) -> None:
-    """Raise ConfigError if the elastic curve does not determine what `key` asks for."""
+    """Raise ConfigError if the elastic curve does not determine what `key` requests."""
     physics = setup.physics
     if setup.history and config.output.fields in ("last", "all"):
         problem = (

@@ -297,7 +297,7 @@ def _tip_heights(tip: Indenter, points: Points, center: Center) -> Any:
 
 
 def _with_slides_of(history: History, path: LoadPath) -> LoadPath:
-    """Return a path that goes on to each displacement of the tip in a history."""
+    """Return the path, continued by the slides of a history at its last depth or force."""
     if not history.slide_points:
         return path
     displacements = tuple(x for _, x in history.slide_points)

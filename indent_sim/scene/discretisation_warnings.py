@@ -121,7 +121,7 @@ def _contact_law_warnings(
 
 
 def _yield_warnings(setup: ProblemSetup) -> Iterator[ModelWarning]:
-    """Yield warnings on yield: a path that is elastic, elastic strains, long increments."""
+    """Yield warnings on plasticity: no yield on the path, elastic strains, long increments."""
     if not setup.physics.yields:
         return
     onset = setup.yielding.onset if setup.yielding else None

@@ -2,8 +2,8 @@
 
 For a half-space, a finite body of half-width and height n a (a: contact radius) is too stiff by
 about 1/n. For a layer, the error of a wall decays with its distance in heights of the layer. Layer
-theory gives both exactly for a cylinder between frictionless walls. Elements that grow with the
-distance allow an n of thousands at little cost.
+theory gives both errors exactly for a cylinder between frictionless walls. Elements that grow with
+the distance allow an n of thousands at little cost.
 """
 
 from __future__ import annotations

@@ -125,9 +125,9 @@ def _overshoot_warnings(
 
     Where the contact extends to a drained wall, the pore pressure jumps at the wall until an
     element has drained, and pressures linear in an element overshoot beside it. On a disc with a
-    drained rim p_max was 5 % and pore_pressure_max 10 % too large, and 0.2 % and 2 % in the first
-    row with elements of half the size that drains until then. Checked:
-    tests/physics/test_early_times.py.
+    drained rim p_max was 5 % and pore_pressure_max 10 % too large, with elements of half the size
+    that drains until the first row, p_max was 0.2 % and pore_pressure_max 2 % too large in that
+    row. Checked by tests/physics/test_early_times.py.
     """
     if setup.max_depth <= 0 or physics.is_swelling:
         return

@@ -166,7 +166,8 @@ class ProblemDefinition:
     def _lateral_axes(self) -> dict[str, int]:
         """Return the horizontal axes along which the body may push the tip; none in axisymmetry.
 
-        It does by friction, and if the tip slides or is tilted also by the pressure on its slope.
+        The push is due to friction and, if the tip slides or is tilted, to the pressure on the
+        slope of the tip.
         """
         is_pushed = self.has_friction or self.slides or (self.has_moment and self.gap == "current")
         if not is_pushed or self.domain.kinematics.name == "axisymmetric":
@@ -404,7 +405,7 @@ class ProblemDefinition:
 
     @property
     def moment_axis(self) -> tuple[float, float]:
-        """Horizontal unit vector (x, y) along the tilt, else along the slide, of the moment."""
+        """Horizontal direction (x, y) of the lever arm of the moment: the tilt, else the slide."""
         direction = self.indenter.tilt_direction
         if direction is None:
             direction = 90.0 * self.path.slide_axis

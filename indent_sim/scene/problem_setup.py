@@ -411,7 +411,7 @@ def _set_up(
 def _with_increments(config: Config, path: LoadPath, *, is_covered: bool) -> LoadPath:
     """Return the path with the increments that an accuracy requires of a body that yields.
 
-    The stress below a tip that covers the body is uniform, and its increments are exact.
+    The stress below a tip that covers the body is uniform, and increments of any length are exact.
     """
     target = target_error(config.accuracy)
     if target is None or not config.yields or is_covered:
@@ -424,7 +424,7 @@ def _with_increments(config: Config, path: LoadPath, *, is_covered: bool) -> Loa
 
 
 def _punch_if_soft(tip: Indenter) -> Indenter:
-    """Return a soft plate as the soft punch that it is."""
+    """Return a soft plate as an equivalent soft punch; return other tips unchanged."""
     if not isinstance(tip, Plate) or tip.radius is None:
         return tip
     return FlatPunch(tip.radius, material=tip.material, thickness=tip.thickness)

@@ -138,7 +138,7 @@ def _soft_tip_theory(theory: Theory, lens: Lens | SoftCylinder, body: Body) -> T
 
 
 def _add_soft_tip(theory: Theory, lens: Lens | SoftCylinder) -> Theory | None:
-    """Return the theory of a layer under a soft tip, which is taken as a flat layer, too.
+    """Return the theory of a layer under a soft tip, which is also treated as a flat layer.
 
     None in plane strain.
     """
@@ -170,7 +170,7 @@ def layer_theory(
     """Return the layer theory of a bounded body; None if there is none.
 
     No theory exists for a body from a mesh file, for layers with nu < 0, and for tips whose profile
-    no theory includes. Parameters as in `theory_of`.
+    no theory includes. The parameters are those of `theory_of`.
     """
     if isinstance(body, ImportedBody):
         return None

@@ -77,8 +77,8 @@ class Scene:
     relaxation : Relaxation or None
         Relaxation of the whole body that is applied to its elastic curve.
     tip_scene : Scene or None
-        The elastic part of a soft tip under a rigid one, which is condensed as the body is; None if
-        the tip is rigid.
+        Scene of the elastic part of a soft tip below its rigid holder, which is condensed like the
+        body; None if the tip is rigid.
     """
 
     physics: ProblemDefinition
@@ -149,7 +149,7 @@ class Scene:
 
     @property
     def contact_track(self) -> TipTrack:
-        """Track of the middle of the expected contact, which under a tilted tip is not its axis."""
+        """Track of the middle of the expected contact, which a tilted tip has beside its axis."""
         return replace(self.physics.track, center=self.sizes.axis)
 
     @property

@@ -331,7 +331,7 @@ def _default_sizes(
 
 
 def _tilted_contact(setup: ProblemSetup, tip: TiltedTip) -> tuple[tuple[float, ...], float]:
-    """Return the middle of the contact under a tilted tip, and its largest radius over a."""
+    """Return the middle of the contact under a tilted tip, and its largest radius divided by a."""
     shift, reach = tip.contact_patch(setup.a, setup.physics.domain.dim)
     direction = cos(tip.towards), sin(tip.towards)
     axis = tuple(

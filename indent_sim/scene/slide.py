@@ -9,7 +9,7 @@ from indent_sim.scene.problem_setup import ProblemSetup
 
 
 def check_slide(setup: ProblemSetup) -> None:
-    """Raise ConfigError if a slide takes the contact off the body or off a mirror plane."""
+    """Raise ConfigError if the contact leaves the body or a mirror plane during a slide."""
     physics = setup.physics
     track = physics.track
     if track.is_point:

@@ -73,7 +73,7 @@ def soft_tip_config(config: Config, setup: ProblemSetup, sizes: Sizes) -> Config
     setup : ProblemSetup
         Its problem, with the expected contact radius.
     sizes : Sizes
-        The element sizes of the body, whose size in the contact the lens has, too.
+        The element sizes of the body; the lens has the same size in the contact.
     """
     lens = config.indenter.elastic_part
     assert lens is not None
