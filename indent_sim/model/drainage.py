@@ -72,7 +72,7 @@ class Drainage:
         return replace(self, bath=tuple((t - origin, value) for t, value in self.bath))
 
     def drains_wall(self, support: str) -> bool:
-        """Return whether a wall with this support lets fluid out."""
+        """Return whether fluid can leave the body through a wall with this support."""
         return self.sides == "drained" or (self.sides == "auto" and support == "free")
 
     @property

@@ -156,7 +156,7 @@ class ElasticLaw(ABC):
 
     @property
     def flow_by_permeability(self) -> Flow | None:
-        """Flow defined by its permeability, or None; ValueError as from `Flow.canonical`."""
+        """Flow defined by its permeability, or None; raises the errors of `Flow.canonical`."""
         return self.flow and self.flow.canonical(self.confined_modulus)
 
     def volume_growth(self, H: Expr) -> Expr:

@@ -76,7 +76,7 @@ class Gel(ElasticLaw):
     def canonical(self) -> Self:
         """Return the same gel with the flow defined by the permeability of the reference state.
 
-        The stretch must be a number, see `with_free_swelling`. Raises ValueError if the free
+        The stretch must be a number; see `with_free_swelling`. Raises ValueError if the free
         swelling is unstable.
         """
         if self.stretch == "auto":

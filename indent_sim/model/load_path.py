@@ -23,7 +23,7 @@ class Unloading:
     rows
         Number of rows of unloading.
     to
-        Depth or force at which it ends at the latest.
+        Smallest depth or force of unloading.
     """
 
     start: int
@@ -286,10 +286,10 @@ class LoadPath:
 
     @property
     def retained_rows(self) -> frozenset[int]:
-        """Numbers [from 1] of the rows whose states are kept: unloading starts and the last row.
+        """Numbers [from 1] of the rows with kept states: starts of unloading, and the last row.
 
         Unloading starts at a row if the value decreases after it and no earlier value was larger.
-        A tip that slides has also the rows at which it begins to slide and at which it turns.
+        For a tip that slides, the rows at which it begins to slide and at which it turns are added.
         """
         rows = {len(self.values)}
         steps = [after - before for before, after in pairwise((0.0, *self.slides))]

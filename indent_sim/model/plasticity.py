@@ -118,7 +118,7 @@ class Plasticity:
     creep: Creep | None = None
 
     def __post_init__(self) -> None:
-        """Replace the short form by the hardening that it stands for."""
+        """Replace the short form by the equivalent `hardening`."""
         short = {name: getattr(self, name) for name in self.short_laws}
         if self.hardening is not None or len(short) != 1:
             return
@@ -203,7 +203,7 @@ class Plasticity:
         return FlowIncrement(d, 1 / (3 * mu + self.hardening_modulus(alpha + d, E)), 0.0 * excess)
 
     def _creep_increment(self, q: Expr, alpha: Expr, mu: Expr, E: Expr, dt: Expr) -> FlowIncrement:
-        """Return the plastic flow with creep; parameters as in `flow_increment`.
+        """Return the plastic flow with creep; the parameters are those of `flow_increment`.
 
         The overstress s is the unknown: with d = rate dt s^(1/m) it is the root of
         3 mu d + sigma(alpha + d) (1 + s) = q, or zero below the yield stress.

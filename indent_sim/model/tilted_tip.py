@@ -88,7 +88,7 @@ class TiltedTip(_Tip):
         return f"tilted {self.tip.shape}"
 
     def face_position(self, x: Expr, y: Expr) -> tuple[Expr, Expr]:
-        """Return the position in the plane of a flat face below which a point lies [length]."""
+        """Return the position, in the plane of a flat face, of the place above a point [length]."""
         s, q = self._components(x, y)
         return s / cos(self.tilt), q
 
@@ -205,7 +205,8 @@ class TiltedTip(_Tip):
     def _quadric_height(self, s: Expr, q: Expr, T2: Expr, R: Expr, ended: Expr) -> Expr:
         """Return z on the lower surface of the quadric at (s, q) relative to its apex [length].
 
-        It is the root of A z^2 - 2 B z + C = 0 that vanishes with C; `ended` without a root.
+        It is the root of A z^2 - 2 B z + C = 0 that vanishes with C. Without a root, `ended` is
+        returned.
         """
         cos_tilt = cos(self.tilt)
         sin_tilt = sin(self.tilt)
@@ -239,7 +240,7 @@ class TiltedTip(_Tip):
         return where_less(along_axis, rho * (1 - sin_angle), ball, flank - above)
 
     def _profile_height(self, s: Expr, q: Expr, above: Expr, x: Expr, y: Expr) -> Expr:
-        """Return the height of a sharp profile, the largest of those of its cones [length]."""
+        """Return the height of a sharp profile, the largest height of its cones [length]."""
         cos_tilt = cos(self.tilt)
         sin_tilt = sin(self.tilt)
         heights = []
@@ -259,7 +260,7 @@ class TiltedTip(_Tip):
         return where_less(end * (1 + 1e-12), sqrt(X * X + Y * Y), ENDED_TIP_HEIGHT * end, height)
 
     def _pyramid_height(self, s: Expr, q: Expr) -> Expr:
-        """Return the height of a sharp pyramid, the largest of those of its faces [length]."""
+        """Return the height of a sharp pyramid, the largest height of its faces [length]."""
         cos_tilt = cos(self.tilt)
         sin_tilt = sin(self.tilt)
         slope = 1 / tan(self.tip.half_angle)
@@ -309,7 +310,7 @@ class TiltedTip(_Tip):
 
     @property
     def _length(self) -> float:
-        """A length of the tip, 1 if it has none [length]."""
+        """Characteristic length of the tip [length]; 1 if it has none."""
         end = max_radius(self.tip)
         lengths = [end, *(getattr(self.tip, name, 0.0) for name in ("R", "tip_radius"))]
         return next((length for length in lengths if 0 < length < inf), 1.0)
@@ -505,7 +506,7 @@ def _radii(tip: Indenter, depths: np.ndarray) -> np.ndarray:
 
 
 def _last_inside(is_inside: Callable[[np.ndarray], np.ndarray], start: np.ndarray) -> np.ndarray:
-    """Return the largest numbers that fulfil a condition, which no larger number fulfils."""
+    """Return the largest numbers that fulfil a condition; no larger number fulfils it."""
     high = start
     # A section that has no end is cut off after this number of doublings.
     for _ in range(40):

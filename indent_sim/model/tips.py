@@ -109,7 +109,7 @@ class _Tip:
         return None
 
     def face_position(self, x: Expr, y: Expr) -> tuple[Expr, Expr]:
-        """Return the position in the plane of a flat face below which a point lies [length]."""
+        """Return the position, in the plane of a flat face, of the place above a point [length]."""
         return x, y
 
     @property
