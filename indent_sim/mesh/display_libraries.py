@@ -88,10 +88,12 @@ def _can_be_mended(name: str) -> bool:
 
 
 def _load_lazily(path: str) -> None:
-    """Load a library whose functions are looked up when they are called, unlike by ctypes.
+    """Load a library so that its functions are looked up only when they are called.
 
-    The few functions whose addresses it takes at once are defined as addresses that cannot be
-    called.
+    ctypes looks up all functions at once.
+
+    The few functions whose addresses the library needs at once are defined as addresses that cannot
+    be called.
     """
     load = ctypes.CDLL(None).dlopen
     load.argtypes = ctypes.c_char_p, ctypes.c_int

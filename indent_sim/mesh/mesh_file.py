@@ -213,7 +213,7 @@ def named_simplices(file: MeshFile, name: str, dim: int, key: str) -> np.ndarray
     dim : int
         Dimension of the simplices.
     key : str
-        Key of the scene file that asks for the group, for messages.
+        Key of the scene file that requests the group, for messages.
 
     Returns
     -------
@@ -372,7 +372,7 @@ def _refuse_several_vtu_pieces(version: MeshFileVersion) -> None:
 
 
 def _checked_points(mesh: Meshio, file: str) -> np.ndarray:
-    """Return the points (n, 3) of a meshio mesh; MeshFileError if they are not real numbers."""
+    """Return the points (n, 3) of a meshio mesh; raise MeshFileError unless they are numbers."""
     points = np.asarray(mesh.points)
     if (
         points.ndim != 2

@@ -393,7 +393,7 @@ class ModelDomain:
         return 0.0
 
     def normal_component(self, surface: str) -> int | None:
-        """Return the displacement component that a roller on a surface holds.
+        """Return the displacement component that a roller on a surface constrains.
 
         It is None if no single axis is normal to the surface.
         """

@@ -95,9 +95,9 @@ class Sizes:
     base_contact
         Contact with a flat below; None if the body does not rest on one.
     axis
-        Position (x, y) of the tip's axis; of the middle of the contact under a tilted tip.
+        Position (x, y) of the tip's axis, or of the middle of the contact under a tilted tip.
     elongation
-        Distance of the edge of the expected contact from `axis`, over the contact radius.
+        Distance of the edge of the expected contact from `axis`, divided by the contact radius.
     edge_tilt
         Tilt of a flat punch and its direction [degrees], which make its edge an ellipse.
     track
