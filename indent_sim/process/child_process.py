@@ -229,7 +229,7 @@ P = TypeVar("P", bound=Answering)
 
 
 def wait_for_answers(processes: Iterable[P]) -> list[P]:
-    """Wait until a call in one of some processes has ended, and return those with an answer."""
+    """Wait until a call in one of the processes has ended; return the processes with answers."""
     waiting = list(processes)
     answered = list(map(id, _wait_for_descriptors(waiting)))
     return [process for process in waiting if id(process) in answered]
