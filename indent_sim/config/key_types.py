@@ -115,7 +115,7 @@ def allowed_words(hint: Any) -> tuple[str, ...]:
 def shared_field_type(kind: Any) -> Any:
     """Return the common type of all fields of a dataclass, so that one value can set them all.
 
-    An example are the walls of a box. The result is None if the fields have different types. Types
+    The walls of a box are an example. The result is None if the fields have different types. Types
     other than dataclasses are returned unchanged.
     """
     if not dataclasses.is_dataclass(kind):

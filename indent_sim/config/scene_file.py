@@ -49,8 +49,8 @@ def load(path: SceneInput, overrides: Overrides = ()) -> Config:
     path
         A file, nested dictionaries with the structure of a file, or a config that is to be changed.
     overrides
-        Values by dotted keys, {"contact.method": "penalty"}, or texts as after `--set`, such as
-        "contact.method=penalty".
+        Values by dotted keys, {"contact.method": "penalty"}, or texts in the form of the option
+        `--set`, such as "contact.method=penalty".
 
     Raises
     ------
@@ -70,7 +70,7 @@ def load(path: SceneInput, overrides: Overrides = ()) -> Config:
 def load_result_config(path: str | os.PathLike[str]) -> Config:
     """Return the config of a result, which may contain keys of earlier versions.
 
-    The errors are the same as of `load`.
+    The errors are those of `load`.
     """
     document, source = read_document(path)
     for name, key in schema.REMOVED_KEYS:
@@ -111,7 +111,7 @@ def is_study(document: Mapping[str, Any]) -> bool:
 def read_document(path: str | os.PathLike[str]) -> tuple[Document, Source]:
     """Return the unchecked sections of a YAML file and the position of every key.
 
-    The errors are the same as of `load`.
+    The errors are those of `load`.
     """
     name = os.fspath(path)
     content = _read_content(name)

@@ -12,7 +12,7 @@ KEY = "loading.unload"
 
 
 def unload_errors(config: SceneSections) -> Iterator[ConfigError]:
-    """Yield errors of `loading.unload`: its end, and what it cannot be combined with."""
+    """Yield errors of `loading.unload`: its end, and parts of the scene that exclude it."""
     unload = config.loading.unload
     if unload is None:
         return
