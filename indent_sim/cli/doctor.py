@@ -119,7 +119,7 @@ def _check_python() -> HealthCheck:
 
 
 def _check_package(name: str, verdict: str, remedy: str) -> HealthCheck:
-    """Check that a package can be imported; verdict and remedy are those for a missing one."""
+    """Check that a package can be imported; verdict and remedy apply if it is missing."""
     interrupt_handler = signal.getsignal(signal.SIGINT)
     try:
         imported = importlib.import_module(IMPORTED_MODULES.get(name, name))

@@ -36,7 +36,7 @@ Report = dict[str, Any]
 
 @contextmanager
 def show_progress(print_line: Callable[[str], None], config: Config) -> Iterator[Progress]:
-    """Yield a progress function for every row: a bar on a terminal, otherwise log lines.
+    """Yield a function that shows progress after every row: by a bar on a terminal, or by lines.
 
     Parameters
     ----------
@@ -482,7 +482,7 @@ def calibration_text(calibration: TipCalibration) -> str:
 
 
 def _number_with_error(value: float, error: float | None) -> str:
-    """Return a number with the digits that its error leaves, and the error."""
+    """Return a number with the digits that are significant given its error, and the error."""
     # Five digits are shown of a number whose error is unknown or smaller than them.
     if error is None or error < 1e-5 * abs(value):
         return f"{value:.5g}"
