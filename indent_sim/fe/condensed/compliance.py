@@ -46,7 +46,7 @@ class FlatBelow:
     Attributes
     ----------
     is_on_flat
-        Whether each node of the surface belongs to the contact with the flat.
+        Whether each node of the surface is a node of the contact with the flat.
     signs
         Direction of each candidate's force (n,): 1 downwards under the tip, -1 upwards on the flat.
     spring
@@ -90,8 +90,8 @@ class Compliance:
     candidates
         Numbers of the candidates (n,) among the nodes of the surface.
     flat
-        Flat on which the body rests; None if it does not. The coordinates of the nodes on it are
-        those of the body turned upside down.
+        Flat on which the body rests; None if it does not. The coordinates of the nodes on the flat
+        are those of the body turned upside down.
     """
 
     matrix: np.ndarray
@@ -313,7 +313,7 @@ class Condenser:
         return len(np.unique(self._surface.nodes[self._is_near_track(radius, track)]))
 
     def _is_near_track(self, radius: float, track: TipTrack) -> np.ndarray:
-        """Return a mask of the facets near the tip's track, and of those on a flat below."""
+        """Return a mask of the facets near the tip's track and of all facets on a flat below."""
         surface = self._surface
         is_near = track.distance(surface.X[..., :-1]).min(axis=1) <= radius
         return np.asarray(is_near | self.is_on_flat[surface.nodes].all(axis=1))
@@ -362,7 +362,7 @@ class Condenser:
         return _sum_over_ranks(self.body.comm, is_constrained) > 0
 
     def _compliance_columns(self, candidates: np.ndarray, axes: Sequence[int]) -> ComplianceColumns:
-        """Return C, the reactions of supports and pins, and the displacements at observed dofs.
+        """Return the compliance matrix, support and pin reactions, and observed displacements.
 
         Systems are solved only for unit forces at candidates that no earlier call has included.
         """
@@ -552,7 +552,8 @@ def surface_mass_matrix(surface: Trace, weighted_areas: np.ndarray) -> csc_matri
     surface
         All facets of the surface.
     weighted_areas
-        Areas (facets, points) of the points of the contact quadrature, with their weights.
+        Areas (facets, points) that the points of the contact quadrature represent, including their
+        weights.
     """
     N = shape_functions(contact_quadrature(surface.dim)[0])
     nodes = surface.nodes

@@ -36,7 +36,7 @@ class CondensedState:
 
     @property
     def E_star(self) -> float:
-        """Contact modulus E* of the body, and of a soft tip, [pressure], constant in time."""
+        """Contact modulus E* of the body and a soft tip, constant in time [pressure]."""
         return self.scene.physics.contact_modulus
 
     def tip_displacement(self, r: np.ndarray) -> np.ndarray:

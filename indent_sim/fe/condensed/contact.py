@@ -7,8 +7,8 @@ every contact law with a stiffness the problem is an equation in F alone,
     (or frozen, or zero).
 
 This is the full problem with displacement and multiplier eliminated, and both have the same
-solution. Forces act on the candidate nodes only; M and lam belong to the whole contact surface, so
-that no result depends on the choice of the candidates.
+solution. Forces act on the candidate nodes only; M and lam are defined on the whole contact
+surface, so that no result depends on the choice of the candidates.
 """
 
 from __future__ import annotations
@@ -81,7 +81,8 @@ class CondensedContact:
     scene
         The scene.
     iterations
-        Number of linear solves before this contact was created; the count continues from it.
+        Number of linear solves before this contact was created; the count of this contact begins at
+        this number.
     """
 
     def __init__(self, compliance: Compliance, scene: Scene, iterations: int = 0):
@@ -130,7 +131,7 @@ class CondensedContact:
 
     @cached_property
     def _tip_facets(self) -> float | np.ndarray:
-        """1 on facets that the tip may touch, 0 on those on a flat below, (facets, 1) or 1."""
+        """1 on facets that the tip may touch and 0 on facets on a flat below, (facets, 1) or 1."""
         rests_on_flat = self.compliance.rests_on_flat
         return 1.0 if rests_on_flat is None else np.where(rests_on_flat, 0.0, 1.0)[:, None]
 
@@ -235,7 +236,7 @@ class CondensedContact:
         return self.friction.dissipation() if self.friction else 0.0
 
     def trial_pressure(self) -> np.ndarray:
-        """Return the trial pressure lam - epsilon_n g [pressure] of the present forces.
+        """Return the trial pressure lam - epsilon_n g [pressure] for the present forces.
 
         It is evaluated at the contact quadrature points. For nodal pressures it is evaluated at the
         nodes with a pressure unknown, with E*/h_contact in place of epsilon_n.
@@ -260,7 +261,8 @@ class CondensedContact:
     def zero_tolerance(self, norm: Callable[[np.ndarray], np.floating]) -> float:
         """Return the norm below which nodal forces count as zero, based on the last equilibria.
 
-        It is needed where a contact has opened completely, e.g. a punch retracted to zero depth.
+        This norm is needed if a contact has opened completely, e.g. under a punch retracted to zero
+        depth.
         """
         return 1e-20 * max(float(norm(F)) for F in self._recent_forces)
 
@@ -286,8 +288,8 @@ class CondensedContact:
     def quadrature(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Contact quadrature: shape functions, weighted areas and heights of the tip.
 
-        Their shapes are (points, nodes), (facets, points) and (facets, points). The heights are
-        those at the present position of the tip.
+        The shapes are (points, nodes), (facets, points) and (facets, points). The heights are
+        evaluated at the present position of the tip.
         """
         return *self._shapes_and_areas, self.tip.quadrature_heights
 
@@ -300,13 +302,13 @@ class CondensedContact:
 
     @cached_property
     def mass_matrix(self) -> csc_matrix:
-        """Mass matrix M [area] of the whole contact surface."""
+        """Mass matrix of the shape functions on the whole contact surface [area]."""
         surface = self.compliance.surface
         points, weights = contact_quadrature(surface.dim)
         return surface_mass_matrix(surface, self._weighted_areas(surface, points, weights))
 
     def project(self, F: np.ndarray) -> np.ndarray:
-        """Return M^-1 F on the whole surface for forces (n,) or (n, columns) on the candidates."""
+        """Project nodal forces (n,) or (n, columns) from the candidates to the whole surface."""
         self._mass_factor = self._mass_factor or splu(self.mass_matrix)
         nodal = np.zeros((len(self.lam), *F.shape[1:]))
         nodal[self.candidates] = F
@@ -325,8 +327,8 @@ class CondensedContact:
         """Solve F = int <lam - epsilon_n g> N by a semismooth Newton method.
 
         A law with a multiplier is first solved with a stiffness of E*/h_contact, which gives a good
-        initial guess. If that fails, a soft contact is solved first and its stiffness increased in
-        steps.
+        initial guess. If the method fails, a soft contact is solved first, and its stiffness is
+        then increased in steps.
 
         Parameters
         ----------
@@ -485,7 +487,7 @@ class CondensedContact:
         return tip - imbalance / balance * (tip - from_flat) if balance else 0.0
 
     def _approach_response(self, *, of_flat: bool = False) -> tuple[float, float]:
-        """Return the derivatives of the forces on tip and flat for an approach of one of them.
+        """Return the derivatives of the forces on tip and flat if one of them approaches the body.
 
         Parameters
         ----------
@@ -563,8 +565,8 @@ class CondensedContact:
     def weighted_gap_system(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Return positions (n, dim - 1) [length], weighted heights, areas and compliance A.
 
-        They refer to the n nodes with a pressure unknown p. The weighted gaps are heights - delta *
-        areas + A p >= 0, and areas . p is the force of the model domain.
+        These arrays refer to the n nodes with a pressure unknown p. The weighted gaps are heights -
+        delta * areas + A p >= 0, and areas . p is the force of the model domain.
         """
         carriers, _, areas, A, _ = self._pressure_matrices
         heights = self._weigh(self.tip.split_heights)

@@ -221,7 +221,7 @@ class CondensedFriction:
 
     @cached_property
     def _inverse_masses(self) -> np.ndarray:
-        """Block diagonal matrix of M^-1 and all M_k^-1, restricted to the candidates [1/area]."""
+        """Block diagonal matrix of the inverse mass matrices of the candidates [1/area]."""
         candidates = self._contact.candidates
         inverse_masses = np.zeros_like(self._compliance.matrix)
         unit = np.eye(self._node_count)
@@ -345,7 +345,10 @@ class CondensedFriction:
         return np.array([project(T) for project, T in zip(self._projections, forces, strict=True)])
 
     def stick_margin_at(self, points: np.ndarray) -> np.ndarray:
-        """Return friction p - |t_hat| (facets, points) [pressure], >= 0 at sticking points."""
+        """Return the stick margin, slip limit minus trial traction (facets, points) [pressure].
+
+        The margin is >= 0 at sticking points.
+        """
         return np.asarray(
             self._present_trial(
                 SurfacePoints(

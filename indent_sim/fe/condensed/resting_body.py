@@ -35,7 +35,7 @@ SPRING_FACTOR = 10.0
 class RestingBodyCondenser:
     """Condenser of an axisymmetric body and of the contact with the flat on which it rests.
 
-    It has the members of `Condenser` that the equilibrium uses.
+    The class has all members of `Condenser` that the equilibrium uses.
 
     Parameters
     ----------
@@ -81,7 +81,7 @@ class RestingBodyCondenser:
         return self._compliance
 
     def _contact_compliance(self) -> float:
-        """Return 1/(2 E* (a + a_base)) of the expected contacts [length/force]."""
+        """Return the compliance 1/(2 E* (a + a_base)) of both expected contacts [length/force]."""
         scene = self.body.scene
         a = scene.plan.prediction["a"] / scene.physics.scales.length
         base = scene.sizes.base_contact

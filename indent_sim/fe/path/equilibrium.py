@@ -106,7 +106,7 @@ class Equilibrium(Protocol):
         return []
 
     def unpack(self, depth: float, arrays: Sequence[np.ndarray], t: float = 0.0) -> Any:
-        """Return the snapshot stored in packed arrays; None if they do not fit this body."""
+        """Return the snapshot stored in packed arrays; None if the arrays do not fit this body."""
         return None
 
     def state_values(self) -> dict[str, Any]:

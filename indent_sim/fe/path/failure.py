@@ -52,8 +52,8 @@ def failed_state(
     cause
         Reason why the solution failed.
     inverted
-        Points with the smallest J and the largest stretch of the last equilibrium; None if J > 0
-        everywhere.
+        Points with the smallest J and the largest stretch of the last equilibrium; None if no
+        element is inverted.
     cost
         Newton iterations and time since the beginning of the run [s].
     """

@@ -9,7 +9,7 @@ If time passes, the force-depth curve and its depth of zero force change with ev
 depth is then found by the secant method, starting from the depth of the previous increment.
 
 An adhesive tip is pulled towards the body at first contact, delta = 0. The force at first contact
-is subtracted, so that this curve also begins at zero and grows with the depth.
+is subtracted, so that the curve of an adhesive tip also begins at zero and grows with the depth.
 """
 
 from __future__ import annotations
@@ -229,7 +229,7 @@ class LoadControl:
 
 
 def predict_depth(force: float, points: Sequence[ForceDepth]) -> float | None:
-    """Return the depth of a force by inverse interpolation; None without any points.
+    """Return the depth of a force by inverse interpolation; None if no point is known.
 
     A parabola interpolates the logarithms of the three nearest points. Far outside of the known
     forces, a power law through the nearest two points is used instead.

@@ -663,7 +663,7 @@ class LoadStepper:
         return is_found
 
     def _find_first_contact(self) -> bool:
-        """Find the depth at which the tip just touches a body that changes in time; True if found.
+        """Find the depth at which the tip just touches a time-dependent body; return True if found.
 
         The tip is lifted clear of the body for the time step, and the remaining gap is then
         subtracted. The lift is doubled until the tip does not touch the body.
@@ -773,8 +773,9 @@ class LoadStepper:
     def _attraction_threshold(self, target_point: LoadPoint) -> LoadPoint | None:
         """Return the load point before the target at which the tip begins to act on the body.
 
-        It is first contact, or for an adhesive tip the depth at which the attraction begins. None
-        if this depth is not passed, or if the target is at a later time than the present state.
+        At this point the tip touches the body, or the attraction of an adhesive tip begins. The
+        result is None if no such point is passed, or if the target is at a later time than the
+        present state.
         """
         attraction_depth = self._start_point.delta
         last_depth = self._last_point.delta

@@ -62,7 +62,7 @@ class StepSizeControl:
         self._max_failed_iterations = MAX_FAILED_ITERATIONS
 
     def begin_target(self, distance: float) -> None:
-        """Begin the increments to a target at this distance."""
+        """Begin the increments to a target at the given distance."""
         self._smallest_step = min(SMALLEST_STEP_FRACTION * abs(distance), self._always_tried_step)
         self._failures = 0
         self._failed_iterations = 0

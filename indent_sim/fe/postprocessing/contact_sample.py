@@ -115,7 +115,7 @@ def sample_contact(body: ObservedBody, points: np.ndarray) -> ContactSample:
 def touching_corners(body: ObservedBody) -> np.ndarray:
     """Mask (facets, corners) of the corners of contact facets that are in contact.
 
-    The criterion is that of the contact radius: p_hat > 0, up to round-off.
+    The criterion is the same as for the contact radius: p_hat > 0, up to round-off.
     """
     trial_pressure = sample_contact(body, body.trace.node_points()[: body.trace.dim]).trial_pressure
     return np.asarray(trial_pressure > PRESSURE_ROUNDOFF * body.E_star)

@@ -314,7 +314,7 @@ class BodyEquilibrium:
     def unpack(self, depth: float, arrays: Sequence[np.ndarray], t: float = 0.0) -> Snapshot | None:
         """Return the state stored in packed arrays, which all ranks must pass (collective).
 
-        None if the shapes of the arrays do not fit this problem.
+        The result is None if the shapes of the arrays do not fit this problem.
         """
         state = replace(self.snapshot(), depth=depth, t=t)
         numbering = self._numberings

@@ -46,5 +46,5 @@ class SolvedBody(WholeBody):
         return height - np.asarray(indenter.height(inside, 0.0 * inside))
 
     def inverted_size(self) -> float:
-        """Return the size [length] of the region in which J < 0 (collective)."""
+        """Return the size [length] of the region of inverted elements, J < 0 (collective)."""
         return max(strain.inverted_size() for strain in self.strain_energies)

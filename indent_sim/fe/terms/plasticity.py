@@ -179,7 +179,7 @@ class PlasticStrainEnergy(StrainEnergy):
         return self.body.region_integral(isochoric + variations(self._volume, now)[1], self.region)
 
     def _variations_of_increment(self, now: TimeLevel) -> tuple[Expr, Expr]:
-        """Return both variations of W(X) by the chain rule over the scalars of X."""
+        """Return both variations of the incremental potential, by the chain rule."""
         scalars, X, slope, curvature, *_ = self._increment
         derivatives = [ufl.diff(X, s) for s in scalars]
         tested = [ufl.derivative(s, now.function, now.test) for s in scalars]
@@ -201,7 +201,7 @@ class PlasticStrainEnergy(StrainEnergy):
         self._state.update_means(self.cells)
 
     def hold_plastic_flow(self, *, is_held: bool) -> None:
-        """Suppress plastic flow, so that the body responds elastically, or permit it again."""
+        """Suppress plastic flow, so that the body responds elastically, or allow it again."""
         self._yield_switch.value = 0.0 if is_held else 1.0
 
     @cached_property
@@ -266,7 +266,7 @@ class AcceptedState(NamedTuple):
     Attributes
     ----------
     tensor : ndarray, (n, 3, 3)
-        eps_p at small strain, else C_p^-1 - 1.
+        eps_p at small strain, C_p^-1 - 1 at finite strain.
     alpha : ndarray, (n,)
         Equivalent plastic strain.
     viscous_work : ndarray, (n,)
@@ -290,9 +290,9 @@ def accepted_state(
     H : ndarray, (n, 3, 3)
         Displacement gradient at the end of the increment.
     tensor : ndarray, (n, 3, 3)
-        eps_p at small strain, else C_p^-1 - 1, at its beginning.
+        At the beginning of the increment, eps_p at small strain or C_p^-1 - 1 at finite strain.
     alpha : ndarray, (n,)
-        Equivalent plastic strain at its beginning.
+        Equivalent plastic strain at the beginning of the increment.
     dt : float
         Duration of the increment [time].
     """

@@ -68,7 +68,7 @@ class QuadratureField:
         self.function.x.array.reshape(-1, self.width)[self._dofs[cells]] = values
 
     def update_means(self, cells: np.ndarray) -> None:
-        """Set the means of the given cells to those of the present values."""
+        """Set the means of the given cells from the present values."""
         self.mean.x.array.reshape(-1, self.width)[self._mean_dofs[cells]] = np.tensordot(
             self._weights, self.values(cells), (0, 1)
         ) / sum(self._weights)

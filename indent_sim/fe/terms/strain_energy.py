@@ -202,7 +202,10 @@ class StrainEnergy(Term):
         return compile_form(inverted * self.body.region_measure(self.region))
 
     def inverted_size(self) -> float:
-        """Size of the part with J < 0: the dim-th root of its measure [length] (collective)."""
+        """Size of the part with inverted elements, J < 0 [length] (collective).
+
+        It is the dim-th root of the area or volume of this part.
+        """
         measure = self.body.comm.allreduce(
             fem.assemble_scalar(self._inverted_measure_form), op=MPI.SUM
         )

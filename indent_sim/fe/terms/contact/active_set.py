@@ -127,7 +127,10 @@ class NodalContact(Term):
         return pressure_shape_functions(points)[:, : self.lam_dofs.shape[1]]
 
     def _evaluate_gap(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Gap g (facets, points), dg/dx (*, dim) and d2g/dx2 (*, dim, dim) of the current state."""
+        """Return the gap and its first and second derivatives with respect to position.
+
+        Their shapes are (facets, points), (*, dim) and (*, dim, dim).
+        """
         dim = self.body.body_mesh.dim
         values = self._gap_values()
         return (

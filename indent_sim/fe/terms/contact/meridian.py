@@ -22,7 +22,7 @@ class MeridianPoints:
     segments : ndarray of int, (n,)
         Segment of each point.
     is_inside : ndarray of bool, (n,)
-        Whether the meridian extends to the radius; the other points are at its end.
+        Whether the meridian extends to the radius; if not, the point is at the end of the meridian.
     N, slopes : ndarray, (n, 3)
         Shape functions of the nodes of the segment and their derivatives along it.
     tangent, curvature : ndarray, (n, 2)

@@ -123,7 +123,7 @@ class SoftTipContact(Term):
         self._curvature_is_limited = is_limited
 
     def scale_stiffness(self, factor: float) -> None:
-        """Set the stiffness of the augmented Lagrangian to `factor` times that of the law."""
+        """Set the augmented Lagrangian's stiffness to `factor` times its value in the law."""
         self._stiffness = factor * self._law_stiffness
 
     def _evaluate(self) -> PointContact:
@@ -256,7 +256,7 @@ class SoftTipContact(Term):
         return float(self.meridian.positions(self.body.local_array())[-1, 1, 0])
 
     def impossibility(self) -> str:
-        """Return why the contact is not admissible; "" if it is."""
+        """Return the reason why the contact is not admissible; "" if it is admissible."""
         contact = self._evaluate()
         touches = contact.pressure > 0
         segments = contact.opposite.segments[touches]
