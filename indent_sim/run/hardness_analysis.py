@@ -251,7 +251,7 @@ def analyse(path: Path, options: HardnessOptions) -> Hardness:
     Parameters
     ----------
     path
-        File of a measured curve, or folder or force table of a simulated one.
+        File of a measured curve, or result folder or force table of a simulated curve.
     options
         Settings of the analysis.
 
@@ -323,7 +323,7 @@ def _check_factors(options: HardnessOptions) -> None:
 
 
 def _read(path: Path, options: HardnessOptions) -> _TestCurve:
-    """Read a measured curve or a simulated one."""
+    """Read a measured or a simulated curve."""
     if path.is_dir() or "step" in header_of(path):
         return _simulated_curve(path, options)
     curves = read_curves(path, options.columns or None, options.units)
@@ -693,7 +693,7 @@ def _values_with_errors(
 
 
 def _standard_deviations(cycle: IndentationCycle, fit: UnloadingFit) -> tuple[float, float, float]:
-    """Return the standard deviations of S, F_max and h_max."""
+    """Return the standard deviations of contact stiffness, largest force and largest depth."""
     # The largest of several forces with scatter is above their mean; a hold has no such bias.
     selection = 1.0 if cycle.hold_start is not None else 2.0
     # The scatter from row to row does not contain the part that is correlated over several rows,
@@ -726,7 +726,7 @@ def _propagate(
 
 
 def _works(cycle: IndentationCycle, fit: UnloadingFit) -> tuple[dict[str, Work | None], list[str]]:
-    """Return W_total, W_elast and eta_IT with their errors, and warnings about what is unknown."""
+    """Return W_total, W_elast and eta_IT with their errors, and warnings about unknown works."""
     total = cycle.total_work
     elastic: Work | None = cycle.unloading_work
     warnings = []
@@ -781,7 +781,7 @@ def _contact_warnings(cycle: IndentationCycle) -> list[str]:
 
 
 def _fit_warnings(cycle: IndentationCycle, fit: UnloadingFit) -> list[str]:
-    """Return a warning if the power law misses the samples by more than their noise."""
+    """Return a warning if the power law deviates from the samples by more than their noise."""
     noise = float(np.hypot(cycle.F_noise, fit.stiffness * cycle.h_noise))
     # Largest misfit of a power law to samples of an elastic contact, relative to the largest
     # force.
@@ -864,7 +864,7 @@ def _truth(
 
 
 def _formula_error(truth: Mapping[str, Mapping[str, float]]) -> str:
-    """Return the errors of the formulas for area, hardness and modulus as a sentence, or ""."""
+    """Return a sentence on the errors of the formulas for area, hardness and modulus, or ""."""
     quantities = {"A_p": "the contact area", "H_IT": "the hardness", "E_IT": "the modulus"}
     errors = [
         f"{words} {abs(percent):.1f} % too {'large' if percent > 0 else 'small'}"
@@ -875,7 +875,7 @@ def _formula_error(truth: Mapping[str, Mapping[str, float]]) -> str:
 
 
 def _entry(table: Mapping[str, np.ndarray], row: int, *columns: str) -> float:
-    """Return the entry of a row in the first of these columns that the table has; NaN if none."""
+    """Return the entry of a row in the first given column that exists in the table, or NaN."""
     return next((float(table[name][row]) for name in columns if name in table), nan)
 
 
@@ -887,7 +887,7 @@ def _has_units(units: Mapping[str, str]) -> bool:
 def _pressure_unit(units: Mapping[str, str]) -> _PressureUnit:
     """Return the unit for pressures.
 
-    It is the unit of force over length^2 if that is Pa, kPa, MPa or GPa, otherwise GPa.
+    The unit is that of force/length^2 if this is Pa, kPa, MPa or GPa, and otherwise GPa.
     """
     if not _has_units(units):
         return _PressureUnit("", 1.0)
@@ -903,7 +903,7 @@ def _ratio_text(numerator: str, denominator: str) -> str:
 
 
 def _unit_names(units: Mapping[str, str], pressure: str) -> dict[str, str]:
-    """Return the unit of every quantity; "" without one."""
+    """Return the unit of every quantity; "" for dimensionless quantities."""
     length = units["length"]
     force = units["force"]
     names = {

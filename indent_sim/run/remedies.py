@@ -1,9 +1,9 @@
 """Remedies for a load path that ended early, and how far the path goes with each.
 
 At finite strain Newton's method may fail near the edge of a tip because too few elements lie around
-the edge, or because they are too distorted. A larger edge radius or other element sizes may help,
-but it is not known in advance which. All trials together do at most as much work as the run itself:
-Newton iterations times unknowns.
+the edge, or because these elements are too distorted. A larger edge radius or other element sizes
+may help; which of them helps is not known in advance. All trials together do at most as much work
+as the run itself: Newton iterations times unknowns.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ def remedies(config: Config, scene: Scene) -> list[Remedy]:
 
 
 def _edge_radii(config: Config, scene: Scene) -> list[float]:
-    """Return larger edge radii: about twice the given one, and that of a hemispherical end."""
+    """Return larger edge radii: about twice the given radius, and that of a hemispherical end."""
     tip = config.indenter
     if (
         not isinstance(tip, FlatPunch)

@@ -176,7 +176,7 @@ class RunOutput:
             self._folder.finish(error)
 
     def add_warnings(self, *warnings: str) -> None:
-        """Add warnings to those of run.json."""
+        """Add warnings to the entry `warnings` of run.json."""
         if self._folder is not None:
             self.add_entries(warnings=[*self._folder.report.get("warnings", []), *warnings])
 

@@ -51,7 +51,7 @@ Rules = tuple[Rule, ...]
 
 
 def violated_bound(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
-    """Return a sentence on the bound that a converged state violates, or None.
+    """Return a sentence on the bound that a converged state violates; None if it violates none.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ def _applicable_rules(
     Parameters
     ----------
     is_pressed
-        True if the scene has a mesh and the depth exceeds that of first contact.
+        True if the scene has a mesh and the depth exceeds the depth of first contact.
     is_time_dependent
         True if the force depends on time.
     may_snap_through
@@ -124,21 +124,24 @@ def _check_finite(scene: Scene, state: State, earlier: PreviousRows) -> str | No
 
 
 def _check_no_tension(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
-    """Check that F >= 0."""
+    """Check that the force is not tensile."""
     if state.force >= 0 or state.force >= -_force_noise(scene, state, earlier):
         return None
     return f"the force is {state.force:.6g}, tensile without adhesion"
 
 
 def _check_no_force_above(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
-    """Check that F is not compressive for delta < 0."""
+    """Check that the force is not compressive at negative depths."""
     if state.delta >= 0 or state.force <= _force_noise(scene, state, earlier):
         return None
     return f"the force is {state.force:.6g}, but the tip is above the body"
 
 
 def _check_contact_found(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
-    """Check that a > 0 and, without snap-through, F > 0 where tip and undeformed body overlap."""
+    """Check that there is contact where tip and undeformed body overlap.
+
+    Without snap-through the force must also be compressive there.
+    """
     is_touching = (state.force > 0 or scene.physics.contact.may_snap_through) and state.a > 0
     if is_touching or _may_be_in_imprint(scene, state, earlier):
         return None
@@ -180,7 +183,10 @@ def _check_resultant(scene: Scene, state: State, earlier: PreviousRows) -> str |
 
 
 def _check_side_contact(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
-    """Check that the tip does not touch the upper edge of a fixed side, where F is unbounded."""
+    """Check that the tip does not touch the upper edge of a fixed side.
+
+    The exact force of such a contact is infinite.
+    """
     end = scene.physics.side_contact_depth * scene.physics.scales.depth
     if state.delta <= end * (1 + DEPTH_TOLERANCE):
         return None
@@ -194,7 +200,7 @@ def _check_new_solution(scene: Scene, state: State, earlier: PreviousRows) -> st
     """Check that a new depth has a new solution.
 
     A solution without iterations is accepted only if the extrapolated state was correct and the
-    force differs from the previous one.
+    force differs from that of the previous row.
     """
     previous = earlier.last
     is_new = previous is None or abs(state.delta - previous.delta) > DEPTH_TOLERANCE * abs(
@@ -247,7 +253,8 @@ def _check_outside_penetration(scene: Scene, state: State, earlier: PreviousRows
 def _check_energy(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
     """Check that 0 <= Pi <= F delta, which holds if the force grows with the depth.
 
-    A tip that slides also does work, at most the largest side force times the path of the slide.
+    A sliding tip also does work by its side force, at most the largest side force times the length
+    of the slide.
     """
     side_force = max(
         earlier.largest_side_force, abs(state.side_force_x or 0.0), abs(state.side_force_y or 0.0)
@@ -308,7 +315,7 @@ def _check_force_growth(scene: Scene, state: State, earlier: PreviousRows) -> st
 def _check_side_force(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
     """Check that the side force is at most friction F plus the force on the slope of the tip.
 
-    The bound is that of a reference gap, whose pressure is vertical on the body.
+    The bound is for a reference gap, with which the pressure on the body is vertical.
     """
     physics = scene.physics
     law = physics.contact
@@ -526,7 +533,7 @@ def _may_be_in_imprint(scene: Scene, state: State, earlier: PreviousRows) -> boo
 
 
 def _is_at_first_contact(scene: Scene, state: State) -> bool:
-    """True if E* radius_at(delta) delta, an estimate of the force, is negligible on this path."""
+    """True if E* radius_at(delta) delta, an estimate of the force, is negligible on the path."""
     depth = state.delta / scene.physics.scales.depth
     deepest = scene.physics.max_depth
     if depth <= 0 or deepest <= depth:
@@ -543,7 +550,8 @@ def _is_at_first_contact(scene: Scene, state: State) -> bool:
 def _force_noise(scene: Scene, state: State, earlier: PreviousRows) -> float:
     """Return the force that counts as zero [force].
 
-    It is a fraction of the largest force so far, or of the force of one element at the same depth.
+    This force is a fraction of the largest force so far, or of the force of one element at the same
+    depth.
     """
     scales = scene.physics.scales
     h = scene.sizes.h_contact
@@ -570,7 +578,7 @@ def _allowed_penetration(scene: Scene, state: State) -> float:
 
 
 def _may_be_unstable(scene: Scene) -> bool:
-    """True if the material law may be unstable at the expected strains: the force may fall."""
+    """True if the material may be unstable at the expected strains, so that the force may fall."""
     return any(warning.key == "stability" for warning in scene.plan.model_warnings)
 
 
@@ -597,7 +605,7 @@ def _force_ratio_range(scene: Scene, theory: Solution) -> tuple[float, float]:
 
 
 def _is_half_space_like(scene: Scene, theory: Solution) -> bool:
-    """True if the body responds to the contact of theory about as the body of theory does."""
+    """True if the body responds to the contact of theory about like the body of the theory."""
     height = scene.physics.body.height
     lateral_extent = scene.physics.body.lateral_extent(scene.physics.center)
     # A contact up to this fraction of the height and of the lateral extent is close to a

@@ -25,8 +25,8 @@ def published_comparison(scene: Scene, states: Sequence[State]) -> dict[str, Any
     -------
     dict or None
         The entry `theory` of run.json: force or depth, unloading stiffness, and the deviations of
-        the run from them; `error` is the relative error of the functions. None where they do not
-        hold.
+        the run from them; `error` is the relative error of the functions. None where these
+        functions do not hold.
     """
     contact = scene.plan.yielding
     physics = scene.physics

@@ -96,8 +96,8 @@ class ErrorBars:
     half_penalty_states
         The coarser run with half the penalty stiffness; None without a penalty.
     step_refinement
-        The coarser run with its own and with halved increments; None if the result is independent
-        of the increments.
+        The coarser run with its increments and with halved increments; None if the result is
+        independent of the increments.
     film_error
         Error due to thin drained boundary layers that the mesh does not resolve; None for a body
         without drainage.
@@ -157,7 +157,7 @@ class ErrorBars:
             self._stiffness_ratio = law.stiffness / coarse_law.stiffness
 
     def add_error_estimate(self, state: State) -> State:
-        """Return the state with its error estimates; NaN if the coarser run lacks the step."""
+        """Return the state with its error estimates, NaN where the coarser run lacks the step."""
         self._run_states[state.step] = state
         force_parts = (
             self._missed_contact_parts(state)
@@ -227,10 +227,10 @@ class ErrorBars:
     def _jkr_adhesive_force(self, state: State) -> float:
         """Return the adhesive part of the contact force in the JKR limit [force], >= 0.
 
-        It is 0 without adhesion. A flat contact of radius a whose edge has the energy release rate
-        K_I^2/(2 E*) = w carries the tensile force (8 pi w E* a^3)^(1/2), in plane strain (2 pi w E*
-        a)^(1/2) per length. An adhesion with a finite range has a smaller force. The contact force
-        is a compressive part minus this adhesive part.
+        The result is 0 without adhesion. A flat contact of radius a whose edge has the energy
+        release rate K_I^2/(2 E*) = w carries the tensile force (8 pi w E* a^3)^(1/2), in plane
+        strain (2 pi w E* a)^(1/2) per length. An adhesion with a finite range has a smaller force.
+        The contact force is a compressive part minus this adhesive part.
 
         Johnson, Kendall, Roberts, Proc. R. Soc. A 324, 301 (1971); Maugis, J. Colloid Interface
         Sci. 150, 243 (1992). Coverage with and without it: scripts/make_error_bar_table --only
@@ -247,11 +247,11 @@ class ErrorBars:
     def _slope_discontinuity_error(self, state: State) -> float:
         """Return the relative error of a contact that ends near a slope discontinuity of the tip.
 
-        It is 0 unless the contact ends within an element of the discontinuity. The computed contact
-        is then narrower or wider than the exact one, as at the edge of a sharp punch: the error is
-        EDGE_ERROR times the ratio of element size and radius. Under profiles and rounded punches
-        errors of 0.02 to 0.1 of that ratio were measured (tests/physics/test_accuracy.py). Elements
-        at the edge of a sharp punch are refined.
+        The error is 0 unless the contact ends within an element of the discontinuity. The computed
+        contact is then narrower or wider than the exact contact, as at the edge of a sharp punch:
+        the error is EDGE_ERROR times the ratio of element size and radius. Under profiles and
+        rounded punches errors of 0.02 to 0.1 times this ratio were measured
+        (tests/physics/test_accuracy.py). Elements at the edge of a sharp punch are refined.
         """
         tip = self._physics.indenter
         a = state.a / self._scales.length
@@ -268,7 +268,7 @@ class ErrorBars:
         return regular_sizes.elements_in_contact(state.a / self._scales.length)
 
     def _force_difference(self, step: int) -> float:
-        """Return |F_q - F| at the same depth; NaN if the coarser run lacks the step."""
+        """Return the difference of the forces on both meshes at the same depth, or NaN."""
         run_states = self._run_states
         coarse_states = self._coarse_states
         if step not in run_states or step not in coarse_states:
@@ -285,10 +285,11 @@ class ErrorBars:
         return abs(interpolate_force(coarse_state, state.delta, coarse_states) - state.force)
 
     def _transient_force_difference(self, state: State, coarse_state: State) -> float:
-        """Return |F_q - F| of a time-dependent row at the same depth.
+        """Return the difference of the forces on both meshes for a time-dependent row.
 
-        A difference of the depths is corrected with the slope of the load curve. The errors due to
-        drainage films are estimated separately, and both forces are corrected for them.
+        Both forces refer to the same depth: a difference of the depths is corrected with the slope
+        of the load curve. The errors due to drainage films are estimated separately, and both
+        forces are corrected for them.
         """
         difference = (
             coarse_state.force
@@ -333,16 +334,17 @@ class ErrorBars:
         return self._truncation + facet_error
 
     def _theory_distance(self, state: State) -> float:
-        """Return |F - F_theory| [force] if theory is exact for the body at this depth, else 0."""
+        """Return |F - F_theory| [force]; 0 unless theory is exact for the body at this depth."""
         if self._scene.exact_theory is None or state.delta <= 0:
             return 0.0
         solution = self._scene.theory_solution(state.delta / self._scales.depth)
         return abs(state.force - solution.force * self._scales.force) if solution else 0.0
 
     def _depth_error(self, state: State, error: float) -> float | None:
-        """Return the error of a computed depth: error of the force over slope of the load curve.
+        """Return the error of a computed depth: error of the force over the load curve's slope.
 
-        None if depths are prescribed; NaN (unknown) if the force does not increase with the depth.
+        The result is None if depths are prescribed, and NaN (unknown) if the force does not
+        increase with the depth.
         """
         if not self._has_prescribed_forces:
             return None
@@ -413,7 +415,7 @@ class ErrorBars:
 
     @property
     def _side_forces(self) -> tuple[str, ...]:
-        """Columns of the side forces that have error estimates, those of a tip that slides."""
+        """Columns of the side forces, which have error estimates if the tip slides."""
         physics = self._physics
         return tuple(f"side_force_{name}" for name in physics.side_force_axes if physics.slides)
 
@@ -472,8 +474,8 @@ class ErrorBars:
     def _element_size_over_peak_width(self, state: State, end_element: float) -> float:
         """Return the element size at the contact edge divided by the width of the pressure peak.
 
-        The width of the peak is the contact radius, or the part of it on the arc if the contact
-        ends at a punch's rounded edge.
+        The width of the peak is the contact radius, or the part of the radius on the arc if the
+        contact ends at a punch's rounded edge.
 
         Parameters
         ----------
@@ -581,7 +583,7 @@ class ErrorBars:
     def _step_error(self, state: State, name: str) -> float:
         """Return the error of a quantity due to the load increments or time steps.
 
-        The error of a prescribed force is that of the depth times the slope of the load curve.
+        The error of a prescribed force is the error of the depth times the slope of the load curve.
         """
         if self._step_refinement is None:
             return 0.0
@@ -620,9 +622,9 @@ class ErrorBars:
     def _bath_error(self, state: State, name: str) -> float:
         """Return the error of a quantity due to the finite duration of the bath ramp.
 
-        After the ramp, its effect is linear in its duration T: the change from T to 2 T is an
-        estimate of that from 0 to T. The error of a prescribed force is that of the depth times
-        the slope of the load curve.
+        After the ramp, the effect of the ramp is linear in its duration T: the change from T to 2 T
+        is an estimate of the change from 0 to T. The error of a prescribed force is the error of
+        the depth times the slope of the load curve.
         """
         if self._bath_states is None:
             return 0.0
@@ -698,7 +700,7 @@ class ErrorBars:
 
 
 class TheoryBars:
-    """Error estimates of a scene that is solved by theory: the stated error of the theory.
+    """Error estimates of a scene that is solved by theory: the error of the theory itself.
 
     If the contact pressure of the theory is tensile somewhere, contact radius and pressure have an
     error of 100 %.
@@ -732,10 +734,10 @@ def _relative_change(old: float, new: float) -> float:
 
 
 def interpolate_force(state: State, delta: float, curve: StatesByStep) -> float:
-    """Return the force of a curve at a depth near one of its states, F (delta/delta_state)^m.
+    """Return the force of a curve at a depth near one of its states, from a power law.
 
-    m is the slope dlnF/dlndelta of the curve at the state. At the depth of the state, the result is
-    exactly its force.
+    The power law is F (delta/delta_state)^m, where m is the slope dlnF/dlndelta of the curve at the
+    state. At the depth of the state, the result is exactly its force.
 
     Parameters
     ----------

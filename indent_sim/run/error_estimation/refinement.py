@@ -265,7 +265,8 @@ def accuracy_entry(
 ) -> dict[str, Any] | None:
     """Return the entry `accuracy` of run.json; None if no accuracy is requested.
 
-    It contains the target and the elements in the contact radius of this and the previous levels.
+    The entry contains the target, and the number of elements in the contact radius on this and the
+    previous levels.
     """
     target = target_error(config.accuracy)
     mesh_entries = (

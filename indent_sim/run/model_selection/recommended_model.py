@@ -310,7 +310,7 @@ class _Model:
         return abs(self.percent) <= 100 * tolerance and max(changes, default=0.0) <= 100 * tolerance
 
     def apply(self, config: Config) -> Config | None:
-        """Return the scene with this model; None if it cannot be run."""
+        """Return the scene with this model; None if the scene cannot be run."""
         with suppress(ConfigError):
             for change in self.changes:
                 config = change(config)
@@ -439,7 +439,7 @@ def _recommendation_text(
 ) -> str:
     """Return sentences on the recommended model, its deviation, and effects that it neglects.
 
-    `config` is the scene of the model, `effects` are those on the original scene.
+    `config` is the scene of the model; `effects` are the effects on the original scene.
     """
     body = UNBOUNDED_NAMES.get(config.body.shape, "the body as it is")
     if model.body == "no inclusions":

@@ -220,7 +220,7 @@ def flat_punches(
 def half_space_modulus(prospect: PlannedRun, delta: np.ndarray, force: np.ndarray) -> float | None:
     """Return the modulus of a least-squares fit of the half-space formula to a curve.
 
-    It is Young's modulus, or None if there is no formula or no contact.
+    The result is Young's modulus; None if there is no formula or no contact.
 
     Parameters
     ----------
