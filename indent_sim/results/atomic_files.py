@@ -81,7 +81,7 @@ def append_atomically(path: Path, data: bytes, sync: bool = True, tail: bytes = 
     Parameters
     ----------
     path
-        The file; it is created if there is none.
+        The file; it is created if it does not exist.
     data
         Bytes to add.
     sync

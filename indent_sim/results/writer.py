@@ -349,10 +349,10 @@ class ResultFolder:
             overwrite_in_place(self.path / REPORT, to_json(last_report, indent=None).encode())
 
     def _write_surface(self, state: State, surface: Surface) -> None:
-        """Write the surface of a state, as the key `output.surface` requests.
+        """Write the surface of a state, if the key `output.surface` requests it.
 
-        With "all", surfaces of all states are appended to the table. With "last", only those of
-        the deepest and the last state are kept.
+        With "all", surfaces of all states are appended to the table. With "last", only the surfaces
+        of the deepest and the last state are kept.
         """
         path = self.path / SURFACE
         block = tables.surface_block(state.step, surface)

@@ -22,7 +22,7 @@ TEXT_SUFFIXES = (".csv", ".txt", ".tsv", ".dat", ".tab", ".asc", ".itx")
 
 
 def curve_files(path: Path) -> list[Path]:
-    """Return the file itself, or the files of a folder that may contain curves, sorted by name.
+    """Return the given file, or the files of a folder that may contain curves, sorted by name.
 
     Raises UsageError if there is no such file.
     """
@@ -106,7 +106,7 @@ def _is_nanoscope_file(file: Path) -> bool:
 
 
 def _refuse_unreadable(path: Path) -> None:
-    """Raise UsageError for a file that cannot be opened, before another package fails on it."""
+    """Raise UsageError for a file that cannot be opened, before another package reads it."""
     try:
         open_regular_file(path).close()
     except (OSError, ValueError) as error:

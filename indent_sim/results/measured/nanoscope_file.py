@@ -174,7 +174,7 @@ class NanoscopeFile:
         )
 
     def measured_map(self) -> MeasuredMap:
-        """Return the curves of a force volume as a map, with the image of the height if any.
+        """Return the curves of a force volume as a map, with the image of the height if it exists.
 
         The rows of the grid are in the order of the file, and none of them is traversed backwards.
         """
@@ -248,7 +248,7 @@ class NanoscopeFile:
         return float(quantity["step"]), self._sensitivity(quantity["sensitivity"])
 
     def _sensitivity(self, name: str | None) -> float:
-        """Return a sensitivity [m/V] by its name, 0 if the file lacks it or it is no length."""
+        """Return a sensitivity [m/V] by its name; 0 if it is missing or is not a length."""
         for _, section in self._sections:
             quantity = QUANTITY.fullmatch(section.get((name or "").lower(), ""))
             # A sensitivity of the deflection without a unit is in nm/V.
@@ -353,7 +353,7 @@ def _read_header(path: Path) -> list[tuple[str, Section]]:
 
 
 def _first(sections: Sequence[tuple[str, Section]], title: str) -> Section:
-    """Return the first section of a title; empty if there is none."""
+    """Return the first section with a title; empty if there is none."""
     return next((section for name, section in sections if name == title), {})
 
 

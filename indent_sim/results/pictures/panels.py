@@ -175,7 +175,7 @@ class _Panel:
     draw_in_own_figure
         Function that draws into axes of another program's figure.
     aspect
-        Smallest ratio of height to width; None if any ratio is possible.
+        Smallest ratio of height to width; None if every ratio is possible.
     """
 
     draw: Callable[[Axes, float], None]
