@@ -86,7 +86,7 @@ class ReadOptions:
         Columns as "role=title" or "role=number", or the titles or numbers of the columns of depth,
         force and time, in this order.
     units
-        Units of a file that gives none.
+        Units of a file without units.
     sensitivity
         Length per voltage of deflections in volts, such as 50 nm/V.
     """

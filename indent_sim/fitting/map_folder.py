@@ -116,7 +116,7 @@ def _file_state(thickness: str | None) -> dict[str, Any]:
 
 
 def _finished_map(directory: Path, header: Mapping[str, Any]) -> MapFit | None:
-    """Return the map of an earlier call that has fitted the same files, or None."""
+    """Return the map of an earlier call that has fitted the same files; None without such a map."""
     report = read_report(directory, FIT)
     is_same = report.get("source") == json_data(header["source"])
     if not is_same or report.get("status") not in ("done", "failed") or "map" not in report:

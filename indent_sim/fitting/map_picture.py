@@ -36,7 +36,7 @@ def draw_map(
 
 @contextmanager
 def map_figure(map_fit: MapFit, config: Config, panels: Sequence[str] = ()) -> Iterator[Figure]:
-    """Yield the figure of a map with its four panels, or with those that are named in PANELS.
+    """Yield the figure of a map with its four panels, or with the named panels of PANELS.
 
     Raises
     ------

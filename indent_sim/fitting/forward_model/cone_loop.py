@@ -222,7 +222,7 @@ class ConeLoopTable:
         return self._grid.computed_nodes
 
     def loop(self, metal: Metal) -> ConeLoop:
-        """Return the loop of a material; outside MODULUS_RATIOS it is that of the nearest ratio."""
+        """Return the loop of a material; outside MODULUS_RATIOS, the loop of the nearest ratio."""
         theta = [math.log(self.scene_metal.E / metal.ratio)]
         return ConeLoop.unpack(
             self._grid.interpolate([*theta, metal.n] if self._varies_hardening else theta)
@@ -261,7 +261,7 @@ def solve_cone_loop(config: Config, depth: float) -> ConeLoop:
 def loop_of_rows(h: np.ndarray, F: np.ndarray, S: np.ndarray, E: float) -> ConeLoop:
     """Return the loop of depths, forces and unloading stiffnesses of the rows (m,) of a run.
 
-    The first LOADING_ROWS are equal increments of loading, the others unloading.
+    The first LOADING_ROWS rows are equal increments of loading, and the other rows are unloading.
     """
     k = np.arange(FIRST_ROW, LOADING_ROWS + 1)
     used = k - 1
@@ -307,7 +307,10 @@ def _without_step_error(k: np.ndarray, values: np.ndarray) -> tuple[float, float
 
 
 def _unloading(xi: np.ndarray, y: np.ndarray) -> tuple[float, np.ndarray]:
-    """Return the recovery, and the forces at RECOVERY_FRACTIONS of it, from rows (m,)."""
+    """Return the recovery, and the forces at the fractions RECOVERY_FRACTIONS of the recovery.
+
+    They are interpolated from rows xi, y (m,).
+    """
     from scipy.interpolate import CubicSpline
 
     in_contact = y > 1e-3

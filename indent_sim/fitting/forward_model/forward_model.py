@@ -174,7 +174,7 @@ class ForwardModel:
 
     @property
     def scale_index(self) -> int | None:
-        """Index of the parameter that multiplies the force; None if there is none."""
+        """Index of the parameter that multiplies the force; None if no parameter does."""
         return next(
             (k for k, parameter in enumerate(self.parameters) if parameter.role == "scale"), None
         )
@@ -264,8 +264,8 @@ class ForwardModel:
         force : ndarray, shape (..., n)
             Forces [force].
         derivatives : ndarray, shape (..., k + 1, n)
-            dF/dtheta, and -dF/dx as the last row. They are analytic for elastic bodies, and central
-            differences for other ones. -dF/dx is 0 beside a snap-in, where F jumps.
+            dF/dtheta, and -dF/dx as the last row. The derivatives are analytic for elastic bodies,
+            and central differences for other bodies. -dF/dx is 0 beside a snap-in, where F jumps.
         """
         if theta.ndim > 1 and not self.is_batchable:
             results = [
@@ -500,8 +500,8 @@ class ForwardModel:
     def time_step_error(self, theta: np.ndarray, x: np.ndarray, t: np.ndarray | None) -> np.ndarray:
         """Return the error (n,) of a path-dependent force due to time steps and interpolation.
 
-        It is the difference from a run at these parameters with half the time step. The error is 0
-        for a body that is not path-dependent.
+        The error is the difference from a run at these parameters with half the time step. The
+        error is 0 for a body that is not path-dependent.
         """
         path_forces = self.path_forces
         settings = self._experiment_settings(theta)
@@ -717,7 +717,7 @@ def _force_in_contact(x: np.ndarray, displacement: np.ndarray, force: np.ndarray
 
 
 def _continued(x: np.ndarray, displacement: np.ndarray, force: np.ndarray) -> np.ndarray:
-    """Return forces at x (n,) by interpolation, constant below the table and linear above it."""
+    """Return forces by interpolation, constant below the table and linear above it."""
     rise = max(displacement[-1] - displacement[-2], 1e-300)
     stiffness = (force[-1] - force[-2]) / rise
     beyond = np.maximum(x - displacement[-1], 0.0)
@@ -733,7 +733,7 @@ def _build_path_forces(
 ) -> MeasuredPathForces:
     """Return the force factors along a path.
 
-    Their exponent of the depth is that of the elastic force at the largest depth.
+    The exponent of the depth in the factors is that of the elastic force at the largest depth.
     """
     if config.experiment and config.experiment.adhesion:
         raise ConfigError(
@@ -773,7 +773,7 @@ def _bound_height(parameter: Parameter, contact_radius: float) -> Parameter:
 def relaxation_of(
     config: Config, values: Mapping[str, float] | None = None
 ) -> RelaxationOperator | None:
-    """Return the relaxation of a scene with other values of some keys, or None."""
+    """Return the relaxation of a scene with other values of some keys; None if there is none."""
     law = next((law.relaxation for _, law in config.materials() if law.relaxation), None)
     if law is None:
         return None

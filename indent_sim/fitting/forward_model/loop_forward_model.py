@@ -58,7 +58,7 @@ class LoopForwardModel(ForwardModel):
 
     @property
     def follows_loop(self) -> bool:
-        """True: the force of unloading differs from that of loading."""
+        """True: the forces of unloading and of loading are different."""
         return True
 
     @property
@@ -79,7 +79,7 @@ class LoopForwardModel(ForwardModel):
         return model
 
     def turned_at(self, depth: np.ndarray) -> LoopForwardModel:
-        """Return a copy whose unloading begins at a depth [length], one for each curve (...)."""
+        """Return a copy with the depth [length] at which unloading of each curve (...) begins."""
         model = copy.copy(self)
         model._turn = np.asarray(depth)
         return model
