@@ -89,7 +89,7 @@ class CurveWriter:
 
 
 def read_curves(folder: Path, runs: Mapping[int, str]) -> list[np.ndarray]:
-    """Read the depths and forces of some runs; each (rows, 2).
+    """Read the depths and forces of some runs; each array is (rows, 2).
 
     Parameters
     ----------

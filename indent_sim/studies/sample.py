@@ -129,7 +129,7 @@ def _values(sampled: SampledRange, fractions: np.ndarray) -> list[float | Stiffn
 
 
 def read_sample(section: Mapping[str, Any], source: Source) -> Sample:
-    """Read the section `sample` of a study; raise ConfigError for an invalid one."""
+    """Read the section `sample` of a study; raise ConfigError if it is invalid."""
     if unknown := [key for key in section if key not in SAMPLE_KEYS]:
         raise _sample_error(
             unknown[0], source, "unknown key", f"the keys of a sample are {', '.join(SAMPLE_KEYS)}"

@@ -43,7 +43,7 @@ class SettingsChecksum:
         return int.from_bytes(checksum.digest()[:8], "little")
 
     def _file_state(self, name: Any) -> list[int]:
-        """Return size and time of the last change of a file; empty without one."""
+        """Return size and time of the last change of a file; an empty list if it does not exist."""
         if not isinstance(name, str):
             return []
         try:
@@ -54,7 +54,7 @@ class SettingsChecksum:
 
 
 def _body_file(key: str, value: Any) -> Any:
-    """Return the name of the mesh file that a setting gives, or None."""
+    """Return the name of the mesh file that a setting contains; None if it contains none."""
     if key == "body" and isinstance(value, dict):
         return value.get("file")
     return value if key == "body.file" else None
