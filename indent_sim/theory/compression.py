@@ -226,7 +226,7 @@ class Compression:
         )
 
     def depth_of_force(self, force: float) -> float:
-        """Return the depth [L] of a force [F] > 0; raises ValueError if there is none."""
+        """Return the depth [L] of a force [F] > 0; raises ValueError if there is no such depth."""
         start = min(
             force * self.height / (self.bar.tangent_modulus(0.0) * self.area), 0.5 * self.height
         )

@@ -22,8 +22,9 @@ from indent_sim.theory.stack import Stack
 class StackPair(Stack):
     """A stack, and a second one that is pressed onto it; both listed from the contact.
 
-    The attributes of `Stack` are those of the first one. Its top layer is the unit of length, and
-    must be the thinner one: M(k) is integrated up to a wavenumber in this unit.
+    The inherited attributes of `Stack` describe the first stack. The thickness of its top layer is
+    the unit of length, and must not exceed that of the second stack's top layer: M(k) is integrated
+    up to a wavenumber in this unit.
 
     Parameters
     ----------
