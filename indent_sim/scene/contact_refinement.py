@@ -26,11 +26,11 @@ def frictional_edge_width(
 ) -> float:
     """Return the width [length] of the region at a rounded punch edge that needs small elements.
 
-    It is 0 without friction, at small strain, and in three dimensions, where small elements would
-    cost too much. At finite strain a body that slides around the edge or sticks to it is sheared by
-    about its own thickness within a fifth of the edge's radius. With elements of a tenth of that
-    radius the roughness of the pressure (`fe.postprocessing.roughness`) is 9 % of p_max, and p_max
-    is 4 % too large.
+    The width is 0 without friction, at small strain, and in three dimensions, where small elements
+    would cost too much. At finite strain a body that slides around the edge or sticks to it is
+    sheared by about its own thickness within a fifth of the edge's radius. With elements of a tenth
+    of that radius the roughness of the pressure (`fe.postprocessing.roughness`) is 9 % of p_max,
+    and p_max is 4 % too large.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Choices for what is computed from the elastic curve: experiments and histories."""
+"""Choices for experiments and histories that are computed from the elastic curve."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def curve(
 
 
 def _refuse_curve_features(setup: ProblemSetup, why: str) -> None:
-    """Raise ConfigError if a property needs an elastic curve; `why` states why there is none."""
+    """Raise ConfigError if a property needs an elastic curve; `why` explains why there is none."""
     if setup.relaxation:
         problem = f"'all' needs the elastic curve of a linear, frictionless contact: {why}"
         raise ConfigError(

@@ -50,7 +50,7 @@ def scene_warnings(
     setup : ProblemSetup
         The problem setup.
     row_depths : sequence of float
-        Expected depths of the output rows, as far as they are known [length].
+        Expected depths of the output rows whose depth is known in advance [length].
     law : ContactLaw
         The contact law, with its stiffnesses.
     gap : str

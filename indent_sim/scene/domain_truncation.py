@@ -37,7 +37,7 @@ TRUNCATION_SAFETY = 1.5
 
 @dataclass(frozen=True)
 class Truncation:
-    """Finite body in place of an unbounded one.
+    """Finite body in place of an unbounded body.
 
     Attributes
     ----------
@@ -236,7 +236,7 @@ def _truncate_half_space(
     )
 
     def error_of(size: float) -> float:
-        """Return F(cylinder)/F(half-space) - 1 for a cylinder of radius and height `size`."""
+        """Return the relative error of the force for a cylinder of radius and height `size`."""
         stack = stack_of(_finite_layers(theory_layers, size), "fixed")
         assert stack is not None
         contact = LayerContact.from_stack(shape, stack, size)

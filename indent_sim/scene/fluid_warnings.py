@@ -182,7 +182,7 @@ def _swelling_deficit(ramp: float, t: float) -> float:
     """Return the relative delay of the swelling of a gel at time t due to the ramp of its bath.
 
     The delay is 1 minus the rise of the surface divided by the rise after a sudden change. After a
-    sudden change the rise is proportional to t^(1/2). It is proportional to
-    2/3 (t^(3/2) - (t - ramp)^(3/2))/ramp if the bath changes linearly over the time `ramp`.
+    sudden change the rise is proportional to t^(1/2). If the bath changes linearly over the time
+    `ramp`, the rise is proportional to 2/3 (t^(3/2) - (t - ramp)^(3/2))/ramp.
     """
     return 1.0 - 2.0 / 3.0 * (t**1.5 - max(t - ramp, 0.0) ** 1.5) / (ramp * t**0.5)

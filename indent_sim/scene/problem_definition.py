@@ -77,7 +77,8 @@ class ProblemDefinition:
     drainage : Drainage
         Boundary conditions of the pore fluid, with times since the beginning of the history.
     bath_ramp : float
-        Time over which a sudden change of the bath is applied [time]; 0 for an instantaneous one.
+        Time over which a sudden change of the bath is applied [time]; 0 for an instantaneous
+        change.
     """
 
     scales: Scales
@@ -139,7 +140,7 @@ class ProblemDefinition:
     def side_force_axes(self) -> dict[str, int]:
         """Return the horizontal axes, by name, along which there can be a net side force.
 
-        It is due to friction, a slide, or the pressure along the normal of a tilted tip.
+        Such a force is due to friction, a slide, or the pressure along the normal of a tilted tip.
 
         By symmetry, there is no side force normal to a mirror plane through the tip.
         """
@@ -364,7 +365,7 @@ class ProblemDefinition:
     def searches_pull_off(self) -> bool:
         """True if the pull-off force is searched for between the rows.
 
-        This needs an attraction with a finite range, and prescribed depths that decrease.
+        The search needs an attraction with a finite range, and prescribed depths that decrease.
         """
         if not self.contact.adhesion_range or self.path.control != "depth":
             return False
@@ -374,7 +375,7 @@ class ProblemDefinition:
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """Columns for tip, flat, slide, friction, tilt, fluid, yield and unloading, in order."""
+        """Columns for soft tip, flat, slide, friction, tilt, fluid and yield, in this order."""
         soft_tip = SOFT_TIP_COLUMNS if self.indenter.elastic_part else ()
         unloading = UNLOADING_COLUMNS if self.path.unloading else ()
         if soft_tip or self.domain.rests_on_flat:
@@ -418,7 +419,7 @@ class ProblemDefinition:
 
     @property
     def contact_modulus(self) -> float:
-        """E* of the contact [pressure]: 1/(1/E_1* + 1/E_2*) of body and tip if the tip is soft."""
+        """E* of the contact [pressure]; for a soft tip 1/(1/E_1* + 1/E_2*) of body and tip."""
         E_star: float = self.material.E_star
         lens = self.indenter.elastic_part
         return E_star if lens is None else 1.0 / (1.0 / E_star + 1.0 / lens.material.E_star)

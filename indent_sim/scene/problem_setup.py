@@ -86,7 +86,7 @@ class ProblemSetup:
     physics : ProblemDefinition
         The problem with the contact conditions of the reference theory.
     truncation : Truncation or None
-        The finite body in place of an unbounded one.
+        The finite body in place of an unbounded body.
     layers : tuple of Layer
         Layers from the top, each with its thickness and material.
     relative_tip : Indenter
@@ -142,7 +142,7 @@ class ProblemSetup:
 
     @property
     def is_half_space(self) -> bool:
-        """True if the body is a half-space, or a truncated one."""
+        """True if the body is a half-space or a finite body in place of a half-space."""
         stands_for_one = self.truncation is not None and self.truncation.represents == "half-space"
         return stands_for_one or isinstance(self.physics.body, HalfSpace)
 
@@ -190,7 +190,7 @@ class ProblemSetup:
 
     @cached_property
     def jkr(self) -> Jkr | None:
-        """Contact of an adhesive tip in the JKR limit; None if there is no theory."""
+        """Contact of an adhesive tip in the JKR limit; None if no theory applies."""
         return self.theory.jkr(self.attraction.work) if self.attraction and self.theory else None
 
     def solution(self, delta: float) -> Solution | None:

@@ -60,7 +60,7 @@ def theory_of(
     center: tuple[float, ...],
     surface_tension: float = 0.0,
 ) -> Theory | None:
-    """Return the reference theory of a scene, which neglects inclusions; None if there is none.
+    """Return the reference theory of a scene, without its inclusions; None if there is no theory.
 
     Parameters
     ----------
@@ -281,7 +281,7 @@ def relative_tip(tip: Indenter, body: Body) -> Indenter:
 def half_space_theory(
     tip: Indenter, layers: Sequence[BodyLayer], size: float = 1.0
 ) -> Theory | None:
-    """Return the theory of a tip on layers on a half-space; None if there is none.
+    """Return the theory of a tip on layers on a half-space; None if no theory exists.
 
     The last layer is the half-space. `size` is a length of about the contact radius [length], the
     length unit for a homogeneous half-space.

@@ -118,7 +118,7 @@ class YieldingContact:
         return formula[1] if formula else inf
 
     def depth_of_force(self, force: float, start: float) -> float | None:
-        """Return the expected depth [length] of a force; None if it is not reached.
+        """Return the expected depth [length] of a force; None if the force is not reached.
 
         The search begins at the depth `start`.
         """
@@ -154,13 +154,13 @@ class YieldingContact:
         return self.solid.dao_curvature() if self._dao_holds else None
 
     def published_stiffness(self) -> float | None:
-        """Return the unloading stiffness over the depth [pressure] by Dao et al., or None."""
+        """Return unloading stiffness/depth [pressure] by Dao et al.; None if not valid."""
         n = self.solid.power_law_exponent
         return self.solid.dao_stiffness(n) if self._dao_holds and n is not None else None
 
     @property
     def _dao_holds(self) -> bool:
-        """True if the functions of Dao et al. hold for this body without friction."""
+        """True if the functions of Dao et al. are valid for this body without friction."""
         if not self.is_published or not isinstance(self.tip, Cone):
             return False
         return not self.solid.dao_obstacle(float(self.tip.half_angle))
