@@ -284,7 +284,7 @@ class State:
     surface: Surface | None = field(default=None, repr=False, compare=False)
 
     def __str__(self) -> str:
-        """Return the line of the log for this state."""
+        """Return the line of this state in the log."""
         return self.summary({})
 
     def summary(self, units: Mapping[str, str]) -> str:

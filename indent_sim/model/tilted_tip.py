@@ -88,7 +88,7 @@ class TiltedTip(_Tip):
         return f"tilted {self.tip.shape}"
 
     def face_position(self, x: Expr, y: Expr) -> tuple[Expr, Expr]:
-        """Return the position, in the plane of a flat face, of the place above a point [length]."""
+        """Return the position, in the plane of a flat face, of the point above (x, y) [length]."""
         s, q = self._components(x, y)
         return s / cos(self.tilt), q
 
@@ -126,7 +126,7 @@ class TiltedTip(_Tip):
         return along, f * cos_tilt - r * sin_tilt
 
     def gap_current(self, x: Expr, y: Expr, depth: Expr) -> Expr:
-        """Return the gap of the upright tip at this point in the tip's own frame [length].
+        """Return the gap of the upright tip at this point, in the tip's frame [length].
 
         `depth` is the height of the point above the lowest point of the tip.
         """
@@ -316,7 +316,7 @@ class TiltedTip(_Tip):
         return next((length for length in lengths if 0 < length < inf), 1.0)
 
     def equivalent_tip(self, dim: int = 3) -> Indenter | None:
-        """Return the upright tip with equal sections at every height; None if there is none.
+        """Return the upright tip with equal sections at every height; None if no such tip exists.
 
         Sections are equal in area, in plane strain (`dim` 2) in width. For rounded tips it is a
         tip that is equal near its apex and far from it.
@@ -378,7 +378,7 @@ class TiltedTip(_Tip):
         a
             Contact radius, in plane strain half its width [length].
         dim
-            2 in plane strain, else 3.
+            2 in plane strain, otherwise 3.
 
         Returns
         -------
@@ -413,7 +413,7 @@ class TiltedTip(_Tip):
         return (self.equivalent_tip() or self.tip).slope_discontinuities()
 
     def radius_scale(self, r: float) -> float | None:
-        """Return the radius of curvature of the upright tip with equal sections; None if sharp."""
+        """Return the radius of curvature of the upright tip with equal sections, if it is round."""
         return (self.equivalent_tip() or self.tip).radius_scale(r)
 
     def characteristic_strain(self, delta: float, a: float) -> tuple[float, str]:
