@@ -66,7 +66,7 @@ def import_gmsh() -> Any:
 
 
 def missing_library(error: OSError) -> str:
-    """Return the file name of the library whose absence an error reports; empty if none."""
+    """Return the file name of the library that an error reports as missing; empty if none is."""
     found = re.match(r"(\S+): cannot open shared object file", str(error))
     return found[1] if found else ""
 
@@ -119,7 +119,7 @@ def _load_library(name: str, mode: int, function: str = "") -> None:
 
 
 def library_bytes(name: str, machine: int, function: str = "") -> bytes:
-    """Return the bytes of a shared library (64-bit ELF) with one symbol or none.
+    """Return the bytes of a shared library (64-bit ELF) that defines at most one symbol.
 
     Parameters
     ----------

@@ -158,7 +158,7 @@ class Sizes:
 
     @property
     def h_base(self) -> float | None:
-        """Element size in the contact with a flat below [length]; None without one."""
+        """Element size in the contact with a flat below [length]; None without such a flat."""
         return self.base_contact.h if self.base_contact else None
 
     @property
