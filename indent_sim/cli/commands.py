@@ -110,7 +110,7 @@ class Program(click.Group):
         return ctx
 
     def invoke(self, ctx: click.Context) -> Any:
-        """Run the command; print a message for expected failures, else a traceback."""
+        """Run the command; print a message for an expected failure, a traceback for any other."""
         try:
             if signal.getsignal(signal.SIGINT) is signal.SIG_DFL:
                 signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -377,9 +377,10 @@ def require(
 ) -> None:
     """Show the effects on the force and the cheapest sufficient model. Writes nothing.
 
-    Effects are in per cent of the force; the model is a scene that can be run. With --curve,
-    effects are those at the depth of a measured curve, and other models are fitted to this curve:
-    which one is needed, which one is not excluded, and the modulus that it would give.
+    Effects are in per cent of the force; the model is a scene that can be run. With --curve, the
+    effects at the depth of a measured curve are shown, and other models are fitted to this curve:
+    the output states which of them is needed, which is not excluded, and the modulus that each
+    would give.
     """
     _refuse_parallel_run()
     require_resources()
@@ -535,10 +536,10 @@ def fit(
 
     Curves are text tables of any kind, or AFM files.
 
-    Contact point and baseline are always fitted, too. A second call with the same folder continues
-    with the curves that have no result. With --design, before a measurement, it prints the
-    intervals that a curve of the scene would give, and the changes of the experiment that would
-    narrow them.
+    Contact point and baseline are always fitted as well. A second call with the same folder
+    continues with the curves that have no result. With --design, before a measurement, the command
+    prints the intervals that a curve of the scene would give, and the changes of the experiment
+    that would narrow them.
     """
     _refuse_parallel_run()
     require_resources()
@@ -1266,7 +1267,7 @@ def init(kind: str, output: Path | None) -> None:
 @program.command("list")
 @click.argument("kind", type=click.Choice(list(LISTED_SECTIONS)), required=False)
 def list_(kind: str | None) -> None:
-    """List what a scene can consist of, with parameters and units."""
+    """List the possible parts of a scene, with their parameters and units."""
     kinds = [kind] if kind else list(LISTED_SECTIONS)
     print_stdout(
         "\n\n".join(f"{name}\n{terminal.section_text(LISTED_SECTIONS[name])}" for name in kinds)

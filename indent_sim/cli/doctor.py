@@ -173,7 +173,7 @@ def _check_mumps() -> HealthCheck:
 
 
 def _check_blas() -> HealthCheck:
-    """Check which BLAS this process has loaded, by its memory map."""
+    """Check which BLAS this process has loaded, as shown by its memory map."""
     importlib.import_module("numpy").dot([1.0], [1.0])
     maps = Path("/proc/self/maps")
     lines = maps.read_text().splitlines() if maps.exists() else []

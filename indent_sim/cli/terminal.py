@@ -224,12 +224,12 @@ def warning_lines(outcome: Outcome) -> list[str]:
 
 
 def _report_section(report: Report, name: str) -> Report:
-    """Return a section of a report; empty if there is none."""
+    """Return a section of a report; empty if the report has no such section."""
     return report.get(name) or {}
 
 
 def _section_sentence(part: Report) -> list[str]:
-    """Return the sentence of a section of a report, if it has one."""
+    """Return the sentence of a section of a report as a list; empty if it has no sentence."""
     return [words] if (words := part.get("words")) else []
 
 
@@ -680,7 +680,7 @@ def _computed_quantity_name(report: Report, theory: Report) -> str:
 
 
 def _theory_line(theory: Report, quantity: str) -> str:
-    """Return a line with the value of `quantity` by theory and the deviation of the run from it."""
+    """Return a line with the value of `quantity` by theory, and the run's deviation from it."""
     exactness = "exact for this body" if theory.get("exact") else theory.get("why", "")
     prescribed, computed = _prescribed_and_computed(theory)
     deviation = f"{theory[f'{computed}_deviation']:+.3%}"
