@@ -107,7 +107,7 @@ class Body:
         return float((self._before or self.now).delta.value)
 
     def slide_tip(self, slide: float) -> None:
-        """Set the current horizontal displacement of the tip from where it was pressed in."""
+        """Set the horizontal displacement of the tip since it was pressed in."""
         self.slide = slide
         for constant, c in zip(
             self.now.center, self.scene.physics.track.position(slide), strict=True
@@ -269,7 +269,7 @@ class Body:
             self._prescribed_values.append((dofs, value))
 
     def apply_prescribed_values(self) -> None:
-        """Write non-zero prescribed values into the solution; Newton's method keeps them."""
+        """Write non-zero prescribed values into the solution; Newton steps leave them unchanged."""
         for dofs, value in self._prescribed_values:
             self.local_array()[dofs] = value
 

@@ -316,7 +316,7 @@ class CondensedContact:
 
     @cached_property
     def inverse_mass(self) -> np.ndarray:
-        """Inverse mass matrix M^-1 (n, n) [1/area] of the candidates, with lam = M^-1 F."""
+        """Inverse mass matrix (n, n) of the candidate nodes, from forces to pressures [1/area]."""
         return self.project(np.eye(self.compliance.size))[self.candidates]
 
     def assemble_vector(self, local: np.ndarray) -> np.ndarray:
@@ -521,7 +521,7 @@ class CondensedContact:
 
     @cached_property
     def _pressure_matrices(self) -> tuple[np.ndarray, ...]:
-        """Matrices of the equations for nodal pressures that do not depend on the tip's position.
+        """Arrays of the equations for nodal pressures that do not depend on the tip's position.
 
         They are the numbers of the nodes whose area is not zero, the matrix Q of nodal forces per
         nodal pressure, the areas of these nodes, the compliance Q' C Q of the weighted gaps, and

@@ -129,7 +129,7 @@ class BodyEquilibrium:
         return dissipation
 
     def solve(self, depth: float, dt: float = 0.0, slide: float = 0.0) -> bool:
-        """Solve for the equilibrium at a depth `dt` later, stage by stage.
+        """Solve for the equilibrium at a depth after a time step `dt`, stage by stage.
 
         Parameters
         ----------
