@@ -151,7 +151,10 @@ class TiltedTip(_Tip):
         )
 
     def space_coordinates(self, points: Any) -> Any:
-        """Return points (n, 3) of the frame of the tip in space, relative to the origin [length].
+        """Return points (n, 3), given in the frame of the tip, in coordinates of space [length].
+
+        The horizontal coordinates are relative to the origin; z is the height above the lowest
+        point.
 
         z is the height above the lowest point.
         """
