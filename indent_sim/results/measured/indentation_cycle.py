@@ -339,7 +339,10 @@ def _end_of_unloading(F: np.ndarray, start: int, noise: float) -> int:
 
 
 def _refuse_relaxation(cycle: IndentationCycle) -> None:
-    """Raise UsageError if the force relaxes: falls at a depth that is held or still grows."""
+    """Raise UsageError if the force decreases although the depth is constant or increases.
+
+    This happens if the body relaxes or creeps.
+    """
     rows = slice(cycle.start, cycle.end)
     h = cycle.h[rows]
     F = cycle.F[rows]
