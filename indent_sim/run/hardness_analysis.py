@@ -452,7 +452,7 @@ def _frame_compliance(curve: _TestCurve, options: HardnessOptions) -> float:
 
 
 def _number(key: str, text: str, dimension: str, units: Mapping[str, str]) -> float:
-    """Return an option as a number in the units of the curve."""
+    """Return the value of an option as a number in the units of the curve."""
     value = convert_quantity(key, text, dimension, units if _has_units(units) else {})
     if not isfinite(value):
         raise ConfigError(key, f"'{text}' is not a finite number")
@@ -516,7 +516,7 @@ def _exponent_error(fit: UnloadingFit) -> float:
 
 
 def _epsilon(text: str, m: float) -> tuple[float, str]:
-    """Return the factor epsilon, and its description."""
+    """Return the factor epsilon of the Oliver-Pharr method, and its description."""
     if text == "m":
         epsilon = oliver_pharr.epsilon_of_exponent(max(m, 1.0))
         return epsilon, f"{epsilon:.4g}, of the exponent m"

@@ -268,7 +268,10 @@ class ErrorBars:
         return regular_sizes.elements_in_contact(state.a / self._scales.length)
 
     def _force_difference(self, step: int) -> float:
-        """Return the difference of the forces on both meshes at the same depth, or NaN."""
+        """Return the difference of the forces on both meshes at the same depth.
+
+        The result is NaN if the coarser run lacks the step.
+        """
         run_states = self._run_states
         coarse_states = self._coarse_states
         if step not in run_states or step not in coarse_states:
@@ -599,7 +602,7 @@ class ErrorBars:
         return refined_error
 
     def _first_increments_error(self, state: State) -> float:
-        """Return the least error of the force [force] of a body that yields, in its first rows.
+        """Return a lower bound of the force error [force] in the first rows of a body that yields.
 
         There the contact on the coarser mesh has too few elements to show the error of the
         increments. A plate has full contact from the first row on, and before yield there is no
@@ -643,9 +646,9 @@ class ErrorBars:
 
         The error of other results is 0. Halving the increment may not show this error. With the
         relative change c of the contact radius in the increment, which is 1 from no contact, the
-        relative error of the dissipation is c^2. That of the stick radius is the larger one of c
-        and its own relative change; for a stick zone narrower than an element `_unresolved_stick`
-        is added.
+        relative error of the dissipation is c^2. The relative error of the stick radius is the
+        larger one of c and the relative change of the stick radius; for a stick zone narrower than
+        an element `_unresolved_stick` is added.
         """
         previous = self._run_states.get(state.step - 1)
         value = getattr(state, name)
