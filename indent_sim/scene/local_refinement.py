@@ -261,7 +261,7 @@ def _film_sizes(
 
 
 def _elements_in_inclusion(inclusion: Inclusion, setup: ProblemSetup, error: float) -> float:
-    """Return the elements needed in half the thickness of an inclusion for an error of the force.
+    """Return the number of elements in half an inclusion's thickness for an error of the force.
 
     The error is the fraction of the inclusion that flat facets omit, multiplied by the share of the
     inclusion in the strain energy below a point force.

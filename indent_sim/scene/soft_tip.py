@@ -1,8 +1,8 @@
 """The scene of a soft tip: its elastic lens or cylinder, upside down under a rigid tip.
 
-Body and tip are condensed separately to their contact surfaces. The tip's mesh is that of a cap
-which a plate compresses to the contact radius that is expected between tip and body, or that of a
-cylinder which is pressed over this radius.
+Body and tip are condensed separately to their contact surfaces. The tip is meshed like a cap that a
+plate compresses to the contact radius expected between tip and body, or like a cylinder that is
+pressed over this radius.
 """
 
 from __future__ import annotations
