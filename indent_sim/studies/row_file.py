@@ -146,7 +146,7 @@ class RowFile:
         return RunRow(fields["settings"], fields["physics"], cells, curve)
 
     def _text(self, fields: Mapping[str, Any], name: str) -> bytes:
-        """Return one text of a row; empty if its position is outside the file."""
+        """Return a text that is stored for a row; empty if its position is outside the file."""
         start = fields[f"{name}_start"]
         return self._maps["texts"][start : start + fields[f"{name}_length"]].tobytes()
 

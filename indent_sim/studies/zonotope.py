@@ -34,7 +34,7 @@ class Zonotope:
         self._distances = np.abs(generators @ self._normals.T).sum(axis=0)
 
     def contains(self, points: np.ndarray) -> np.ndarray:
-        """Return for each point (rows, d) whether it is inside."""
+        """Return for each point (rows, d) whether it is inside the zonotope."""
         distances = np.abs((points - self.center) @ self._normals.T)
         return np.asarray((distances <= self._distances * (1 + TOLERANCE)).all(axis=1))
 
