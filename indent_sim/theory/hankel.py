@@ -222,7 +222,7 @@ def _layer_kernel(max_radius: float, stack: Stack) -> Kernel:
 
 @lru_cache(maxsize=64)
 def _cylinder_kernel(max_radius: float, clearance: float, stack: Stack, wall: float) -> Kernel:
-    """Return the kernel between walls: the half-space integral minus the Dini sum over L.
+    """Return the kernel between walls: the half-space integral minus the Dini sum.
 
     This difference is smooth, so that the integral equation remains of the second kind.
     """

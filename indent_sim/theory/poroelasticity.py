@@ -301,7 +301,7 @@ def _compliance_deficit(
 def _large_wavenumber_coefficients(
     contrast: float, surface: SurfaceDrainage
 ) -> tuple[float, float]:
-    """Return the first two coefficients of `_compliance_deficit` in powers of s/(k^2 + s)."""
+    """Return two coefficients of the expansion of `_compliance_deficit` in s/(k^2 + s)."""
     if surface == "drained":
         return contrast / 4.0, contrast / 8.0 - contrast**2 / 16.0
     return 3.0 * contrast / 4.0, contrast / 8.0 - 9.0 * contrast**2 / 16.0
