@@ -67,7 +67,7 @@ def _expected_base_radius(body: SphericalBody, setup: ProblemSetup) -> float:
     solution = setup.solution(setup.max_depth) if setup.max_depth > 0 else None
     if solution and theory and isinstance(theory.contact, ContactsInSeries):
         return theory.contact.lower_solution(solution.force).a
-    return max((body.radius * max(setup.max_depth, 0.0) / 2) ** 0.5, setup.a)
+    return max((body.apex_radius * max(setup.max_depth, 0.0) / 2) ** 0.5, setup.a)
 
 
 def refine_corners(
