@@ -316,8 +316,11 @@ def _hold(F: np.ndarray, peak: int, noise: float) -> tuple[int | None, int]:
     scatter = max(3 * noise, 1e-3 * largest)
     held = rows[np.abs(F[rows] - level) <= scatter]
     # In a curve without a hold, two ramps at a constant rate have a fraction of about 2
-    # scatter/largest of all rows near the largest force; a hold must have more.
-    min_rows = max(10.0, (0.04 + 2 * scatter / largest) * len(F))
+    # scatter/largest of all rows near the largest force, and those at the rates just below it pass
+    # the scatter in `passing` rows; a hold must have more. A ramp that is rounded like a sine has
+    # three times as many rows within the scatter as at these rates.
+    passing = np.count_nonzero((distance > near) & (distance <= 3 * near)) * scatter / near
+    min_rows = max(10.0, min((0.04 + 2 * scatter / largest) * len(F), 5 * passing))
     if len(held) < min_rows:
         return None, peak
     # In a hold the forces scatter around the median. The last row above the median ends it, since

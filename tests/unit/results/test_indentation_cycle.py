@@ -38,6 +38,29 @@ def test_creep_is_that_of_the_hold() -> None:
     assert indentation_cycle(*noisy(loop(FUSED_SILICA, hold_rows=0), 0.0)).creep is None
 
 
+def test_a_hold_of_few_samples_is_found() -> None:
+    """Instruments that sample the ramps by depth write some ten samples of a hold of 10 s.
+
+    Those here have 14 of 1200, and a thousandth of the largest force is a fifth of a step of the
+    ramps. Ramps without a hold have no more samples near the peak than beside it.
+    """
+    exact = loop(FUSED_SILICA, rows=600, hold_rows=14, creep=0.01)
+    cycle = indentation_cycle(exact.h, exact.F)
+    assert cycle.hold_start is not None and cycle.start == 613
+    assert cycle.h_max == pytest.approx(exact.h_max, rel=1e-9)
+    assert cycle.creep == pytest.approx(0.01, rel=0.02)
+    assert indentation_cycle(*noisy(loop(FUSED_SILICA, rows=600, hold_rows=0), 0)).creep is None
+
+
+@pytest.mark.parametrize("rows", [100, 400, 2000])
+def test_a_rounded_peak_is_no_hold(rows: int) -> None:
+    """The force follows half a period of a sine; its peak is flat in a few per cent of the rows."""
+    phase = np.linspace(0.0, np.pi, rows)
+    force = np.sin(phase)
+    depth = np.where(phase < np.pi / 2, force**0.5, 0.6 + 0.4 * force**0.7)
+    assert indentation_cycle(depth, force).hold_start is None
+
+
 def test_the_noise_is_found() -> None:
     """A tenth: three standard deviations of the estimate from 500 fourth differences."""
     h, F = noisy(loop(FUSED_SILICA))
