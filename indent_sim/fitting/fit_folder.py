@@ -86,7 +86,7 @@ class ReadOptions:
         Columns as "role=title" or "role=number", or the titles or numbers of the columns of depth,
         force and time, in this order.
     units
-        Units of a file that gives none.
+        Units of a file without units.
     sensitivity
         Length per voltage of deflections in volts, such as 50 nm/V.
     """
@@ -219,7 +219,7 @@ def fit_files(folder: Path) -> tuple[str, ...]:
 
 
 def tell_cost(request: FitRequest, tell: ReportLine) -> None:
-    """Say that the forces of the scene come from finite elements, and how long one run takes.
+    """Report that the forces of the scene come from finite elements, and how long a run takes.
 
     Raises ConfigError if the scene is not valid.
     """
@@ -406,7 +406,7 @@ def _rename_curve(curve: MeasuredCurve | CurveFit, name: str) -> MeasuredCurve |
 
 
 def _file_name(name: str) -> str:
-    """Return the name of a curve as one of a file: printable, and not too long."""
+    """Return the name of a curve as a file name: printable, and not too long."""
     # File systems allow 255 bytes, of which suffixes and names of temporary files need some.
     max_bytes = 200
     text = printable(name)

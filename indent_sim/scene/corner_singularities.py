@@ -1,6 +1,6 @@
 """Corner singularities of the body next to the contact, and narrow gaps between contact and sides.
 
-Where a fixed face meets a free one at a right angle, the stress grows as rho^(lambda - 1) with the
+Where a fixed face meets a free face at a right angle, the stress grows as rho^(lambda - 1) with the
 distance rho from the corner. The smallest lambda, 0.595, is that of an incompressible body, and
 elements of the size h change the force by a multiple of h^(2 lambda) (Williams 1952, J. Appl. Mech.
 19, 526). A refinement that grades away from the corner costs few elements.
@@ -47,7 +47,10 @@ class Corner:
         return self.error_constant * (h / self.distance) ** SINGULARITY_RATE
 
     def size(self, error: float, n: float) -> float:
-        """Return the element size [length] for a permitted error; n elements span a narrow gap."""
+        """Return the element size [length] for a permitted error at the corner.
+
+        A narrow gap is spanned by n elements.
+        """
         if self.error_constant:
             size = self.distance * (error / self.error_constant) ** (1 / SINGULARITY_RATE)
         else:
@@ -71,7 +74,8 @@ def corners(
     nu : float
         Largest Poisson's ratio of the body.
     edge : float or None
-        Radius of the punch's edge at which the contact ends [length]; it has its own element size.
+        Radius of the punch's edge at which the contact ends [length]; the edge has a separate
+        element size.
 
     Returns
     -------

@@ -80,8 +80,8 @@ def refine_corners(
 
     In three dimensions this refinement would cost too much. The field `corner_error` of the result
     estimates the error of the force due to the elements at corners, with and without refinement. A
-    coarser mesh does not show this error, since the elements at a corner are never larger than
-    those in the contact.
+    coarser mesh does not show this error, since the elements at a corner are never larger than the
+    elements in the contact.
     """
     physics = setup.physics
     nu = physics.largest_nu

@@ -73,7 +73,7 @@ def soft_tip_config(config: Config, setup: ProblemSetup, sizes: Sizes) -> Config
     setup : ProblemSetup
         Its problem, with the expected contact radius.
     sizes : Sizes
-        The element sizes of the body, whose size in the contact the lens has, too.
+        The element sizes of the body; the lens has the same size in the contact.
     """
     lens = config.indenter.elastic_part
     assert lens is not None
@@ -115,8 +115,8 @@ def _pressed_lens(lens: Lens, setup: ProblemSetup) -> dict[str, Any]:
 def _pressed_cylinder(lens: SoftCylinder, setup: ProblemSetup, sizes: Sizes) -> dict[str, Any]:
     """Return body, tip, loading and size at the edge of a cylinder under the expected contact.
 
-    The contact with a flat body ends at the edge of the punch or of the body, that with a ball or a
-    cap inside both.
+    The contact with a flat body ends at the edge of the punch or of the body, the contact with a
+    ball or a cap ends inside both.
     """
     length = setup.physics.scales.length
     body = setup.physics.body

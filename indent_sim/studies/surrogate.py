@@ -277,7 +277,7 @@ def read_surrogate(path: Path | str) -> Surrogate:
     Raises
     ------
     UsageError
-        The file is not one of a surrogate, or it is damaged.
+        If the file does not contain a surrogate, or is damaged.
     """
     path = Path(path)
     try:

@@ -47,7 +47,7 @@ class Zonotope:
 
 
 def _facet_normals(generators: np.ndarray) -> np.ndarray:
-    """Return the normals of the facets: each is normal to d - 1 generators; (facets, d)."""
+    """Return the normals (facets, d) of the facets; each is normal to d - 1 generators."""
     dimension = generators.shape[1]
     normals = []
     for chosen in combinations(range(len(generators)), dimension - 1):
