@@ -53,16 +53,21 @@ def recorded(
     noise: float = 0.003,
     points: int = 400,
     contact_point: float = 0.05,
+    compliance: float = 0.0,
 ) -> MeasuredCurve:
-    """Return a loop to 1 um with a baseline, white noise of the force, and unloading."""
+    """Return a loop to 1 um with a baseline, white noise of the force, and unloading.
+
+    With the compliance of a frame [um/mN] the lengths are displacements of its base.
+    """
     up = np.linspace(-0.3, 1.0, points)
     down = loop.depths_of(np.linspace(1.0, 0.0, points // 2 + 1)[1:], 1.0)
     force = np.concatenate([loop.loading(E, up), loop.unloading(E, down, 1.0)])
+    x = np.concatenate([up, down]) + contact_point + compliance * force
     force = force + noise * force.max() * draw.standard_normal(len(force))
     return MeasuredCurve(
         "loop",
         force,
-        delta=np.concatenate([up, down]) + contact_point,
+        **{"z" if compliance else "delta": x},
         units={"length": "um", "force": "mN"},
         parts={"approach": slice(0, points), "retract": slice(points, len(force))},
     )

@@ -16,7 +16,7 @@ from indent_sim.model.inclusions import (
     Inclusion,
 )
 from indent_sim.model.materials import Material
-from indent_sim.model.spherical_bodies import Ball, Cap
+from indent_sim.model.spherical_bodies import Ball, Cap, CurvedBody, Ellipsoid
 from indent_sim.model.unbounded_bodies import HalfSpace
 from indent_sim.model.walled_bodies import Box, Strip
 from indent_sim.process.errors import ConfigError
@@ -57,10 +57,24 @@ def cap_errors(config: SceneSections) -> Iterator[ConfigError]:
         )
 
 
+def ellipsoid_errors(config: SceneSections) -> Iterator[ConfigError]:
+    """Yield an error for an ellipsoid that is nearly a disk or a needle."""
+    body = config.body
+    # Largest ratio of the semi-axes. Elements are about as long as the smaller one divided by 8.
+    max_ratio = 10.0
+    if not isinstance(body, Ellipsoid):
+        return
+    ratio = body.height / (2 * body.radius)
+    if not 1 / max_ratio <= ratio <= max_ratio:
+        problem = f"an ellipsoid with a height of {ratio:.4g} times its width is not modelled"
+        low, high = (f"{2 * body.radius * factor:.4g}" for factor in (1 / max_ratio, max_ratio))
+        yield ConfigError("body.height", problem, f"use a height from {low} to {high}")
+
+
 def resting_body_errors(config: SceneSections) -> Iterator[ConfigError]:
     """Yield errors of parts of the scene that are not modelled with a body that rests on a flat."""
     body = config.body
-    if not isinstance(body, Cap | Ball) or body.base != "unbonded":
+    if not isinstance(body, CurvedBody) or body.base != "unbonded":
         return
     bonded = "use body.base: fixed"
     reasons = (
@@ -334,7 +348,7 @@ def _level_faces(config: SceneSections) -> list[tuple[str, float]]:
     """
     body = config.body
     depths = list(accumulate(layer.thickness or inf for layer in config.layers))
-    if isinstance(body, Cap | Ball):
+    if isinstance(body, CurvedBody):
         depths = [body.spherical_body.height]
     names = [f"the interface below {key_of_layer(k)}" for k in range(len(depths) - 1)]
     names.append(MIRROR_PLANE if isinstance(body, Ball) and body.base == "roller" else "the base")

@@ -177,10 +177,9 @@ def plasticity_errors(config: SceneSections) -> Iterator[ConfigError]:
         section = "contact" if config.contact.may_snap_through else "experiment"
         problem = "is not verified together with yield"
         yield ConfigError(f"{section}.adhesion", problem, f"leave it or {key} out")
-    elif config.experiment:
+    elif config.experiment and config.experiment.frequencies:
         problem = "is simulated with the load curve of a linear body, but this one yields"
-        remedy = "leave it out; for a compliant frame use hardness --frame-compliance"
-        yield ConfigError("experiment", problem, remedy)
+        yield ConfigError("experiment.frequencies", problem, "leave it out")
     refines_increments = config.loading.given_path_keys[:1] in (("delta",), ("deltas",))
     if config.accuracy is not None and not refines_increments:
         problem = "of a body that yields refines the increments of prescribed depths only"

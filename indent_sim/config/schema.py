@@ -18,6 +18,7 @@ from pydantic import model_validator
 from indent_sim.config import number_limits
 from indent_sim.config.body_checks import (
     cap_errors,
+    ellipsoid_errors,
     inclusion_errors,
     layer_errors,
     resting_body_errors,
@@ -83,6 +84,7 @@ TAG_KEYS = {"shape", "model", "method"}
 # Checks of a config, in the order in which their errors are reported.
 CONSISTENCY_CHECKS = (
     cap_errors,
+    ellipsoid_errors,
     resting_body_errors,
     layer_errors,
     surface_tension_errors,

@@ -200,6 +200,8 @@ def _move_onto_spheres(
 ) -> None:
     """Move the midpoints of edges on spherical surfaces and layer interfaces onto the sphere.
 
+    Those on an ellipsoid are moved in the coordinates in which it is a sphere.
+
     Parameters
     ----------
     grid : Grid
@@ -213,21 +215,22 @@ def _move_onto_spheres(
     number : ndarray of int
         Numbers of the edges of each cell.
     """
-    assert part.top_radius is not None
+    arc = part.top_arc
+    assert arc is not None
     arcs = {side.surface for side in part.outline if side.center is not None}
     is_on_sphere = _match_facets(
         ends, np.concatenate([grid.surfaces[name] for name in sorted(arcs)])
     )
     # The contact surface of a cap that rests on a flat consists of its flat base and of an arc of
     # the sphere beside it.
-    radii = np.hypot(grid.points[:, 0], grid.points[:, 1] + part.top_radius)
-    is_off_sphere = np.abs(radii - part.top_radius) > SPHERE_TOLERANCE * part.top_radius
+    radii = np.hypot(grid.points[:, 0], grid.points[:, 1] / arc.stretch + arc.radius)
+    is_off_sphere = np.abs(radii - arc.radius) > SPHERE_TOLERANCE * arc.radius
     is_on_sphere &= ~is_off_sphere[ends].any(axis=1)
-    middles[is_on_sphere] = np.column_stack(
-        nearest_on_sphere(part.top_radius, *middles[is_on_sphere].T)
-    )
+    r, z = middles[is_on_sphere].T
+    r, height = nearest_on_sphere(arc.radius, r, z / arc.stretch)
+    middles[is_on_sphere] = np.column_stack([r, arc.stretch * height])
     for z, is_on_interface in _layer_interfaces(grid, part, number.ravel(), len(ends)):
-        r, height = nearest_on_sphere(part.top_radius + z, *(middles[is_on_interface] - [0.0, z]).T)
+        r, height = nearest_on_sphere(arc.radius + z, *(middles[is_on_interface] - [0.0, z]).T)
         middles[is_on_interface] = np.column_stack([r, height + z])
 
 

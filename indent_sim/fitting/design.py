@@ -191,17 +191,19 @@ class _PlannedMeasurement:
         """
         side = max(round(points / (2.0 + baseline)), 2)
         before = max(points - 2 * side, 0)
-        _, loop = forward_model.loop(forward_model.initial_coordinates)
+        E, loop = forward_model.loop(forward_model.initial_coordinates)
+        compliance = forward_model.experiment.compliance
+        up = self.depth * np.linspace(0.0, 1.0, side)
         down = loop.depths_of(np.linspace(1.0, 0.0, side + 1)[1:], self.depth)
         x = np.concatenate(
             [
                 -baseline * self.depth * np.linspace(1.0, 0.0, before, endpoint=False),
-                self.depth * np.linspace(0.0, 1.0, side),
-                down,
+                up + compliance * loop.loading(E, up),
+                down + compliance * loop.unloading(E, down, self.depth),
             ]
         )
         branch = np.repeat([APPROACH, RETRACT], [before + side, side])
-        samples = Samples(x, np.zeros(len(x)), None, branch, self.depth)
+        samples = Samples(x, np.zeros(len(x)), None, branch, float(x[before + side - 1]))
         return CurveModel(forward_model, samples)
 
     @property
@@ -304,7 +306,7 @@ def _plan_measurement(
         raise ConfigError(
             "loading.force_history", "a design needs prescribed depths", "give loading.history"
         )
-    depth = max(PlannedRun.resolve(config).depths)
+    depth = _largest_depth(config)
     if not depth > 0:
         raise ConfigError("loading", "the tip never touches the body", "give loading.delta > 0")
     if config.yields:
@@ -331,6 +333,13 @@ def _plan_measurement(
     t, x = np.array(history.points_from_rest).T
     end = int(np.flatnonzero(x == x.max())[-1]) + 1
     return _PlannedMeasurement(config, forward_model, depth, x[:end], t[:end])
+
+
+def _largest_depth(config: Config) -> float:
+    """Return the largest depth of a scene [length]."""
+    # A body that yields is run without the frame of the instrument.
+    instrument = None if config.yields else config.experiment
+    return max(PlannedRun.resolve(config.model_copy(update={"experiment": instrument})).depths)
 
 
 def _scene_path(config: Config) -> MeasuredPath | None:
@@ -375,7 +384,7 @@ def _possible_changes(config: Config, keys: Sequence[str]) -> Iterator[dict[str,
     else:
         yield {
             "loading": {
-                "delta": 2.0 * max(PlannedRun.resolve(config).depths),
+                "delta": 2.0 * _largest_depth(config),
                 "steps": config.loading.steps,
             }
         }

@@ -21,7 +21,9 @@ from indent_sim.results.csv_table import header_of
 from indent_sim.results.measured.curve_file import read_curves
 from indent_sim.results.measured.indentation_cycle import (
     MAX_LAST_FORCE,
+    CreepRate,
     IndentationCycle,
+    creep_rate,
     indentation_cycle,
     low_force_hold,
 )
@@ -40,6 +42,7 @@ QUANTITIES = {
     "E_r": ("pressure", "reduced modulus of sample and tip"),
     "eta_IT": ("%", "elastic part of the work of indentation"),
     "C_IT": ("%", "creep: relative increase of the depth in the hold"),
+    "dh_dt": ("rate", "rate of the depth in the last third of the hold"),
     "S": ("stiffness", "contact stiffness dF/dh at the beginning of unloading"),
     "F_max": ("force", "force at the beginning of unloading"),
     "h_max": ("length", "depth at the beginning of unloading"),
@@ -277,6 +280,12 @@ def analyse(path: Path, options: HardnessOptions) -> Hardness:
     contact = _Contact(area, epsilon, options.beta, nu, tip_E_star, pressure)
     works, work_warnings = _works(cycle, fit)
     values, errors = _values_with_errors(cycle, fit, contact, works)
+    creep = None
+    if curve.t is not None:
+        creep = creep_rate(cycle, curve.t, cycle.upper_part(top[1], top[0]))
+    if creep is not None:
+        values["dh_dt"] = creep.value
+        errors["dh_dt"] = creep.error
     warnings = [
         *curve.notes,
         *cycle.notes,
@@ -285,6 +294,7 @@ def analyse(path: Path, options: HardnessOptions) -> Hardness:
         *work_warnings,
         *_contact_warnings(cycle),
         *_fit_warnings(cycle, fit),
+        *_creep_warnings(creep, fit),
         *_pile_up_warnings(fit),
         *_tip_rounding_warnings(curve, area, values["h_c"] or nan),
     ]
@@ -391,13 +401,15 @@ def _simulated_curve(path: Path, options: HardnessOptions) -> _TestCurve:
     known = {kind: str(units.get(kind) or "") for kind in ("length", "force")}
     F = results["force"]
     h = results["delta"]
+    t = results.table.get("t")
     if not (len(h) and (np.isfinite(h) & np.isfinite(F)).all()):
         raise UsageError(f"{path} has no rows, or rows without depth or force", "", str(path))
     if h[0] > 0:  # Loading begins at first contact.
         h = np.concatenate([[0.0], h])
         F = np.concatenate([[0.0], F])
+        t = None if t is None else np.concatenate([[0.0], t])
     name = folder.name if path.is_dir() else path.stem
-    return _TestCurve(name, h, F, None, known, results, scene)
+    return _TestCurve(name, h, F, t, known, results, scene)
 
 
 def _corrected_depth(
@@ -794,6 +806,23 @@ def _fit_warnings(cycle: IndentationCycle, fit: UnloadingFit) -> list[str]:
     return []
 
 
+def _creep_warnings(creep: CreepRate | None, fit: UnloadingFit) -> list[str]:
+    """Return a warning if the sample still creeps so fast that unloading looks stiffer.
+
+    1/S = 1/S_elastic - (dh/dt)/|dF/dt| if the creep goes on: Feng & Ngan (2002), J. Mater. Res. 17,
+    660.
+    """
+    change = 0.0 if creep is None else creep.relative_stiffness * fit.stiffness
+    # A smaller change is below the accuracy of the method.
+    negligible_change = 0.01
+    if change <= negligible_change:
+        return []
+    return [
+        "the depth still grows at the end of the hold; if it goes on in unloading, S is "
+        f"{100 * change:.1f} % too large (Feng & Ngan 2002): hold longer or unload faster"
+    ]
+
+
 def _pile_up_warnings(fit: UnloadingFit) -> list[str]:
     """Return a warning if the material may pile up around the tip."""
     # Above this ratio materials that do not harden pile up: Bolshakov & Pharr (1998),
@@ -912,6 +941,7 @@ def _unit_names(units: Mapping[str, str], pressure: str) -> dict[str, str]:
         "force": force,
         "area": f"{length}^2" if length else "",
         "stiffness": _ratio_text(force, length),
+        "rate": _ratio_text(length, "s") if length else "",
         "work": f"{force} {length}".strip(),
         "%": "%",
         "": "",

@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import exp, inf
 
-from indent_sim.mesh.model_domain import ModelDomain
+from indent_sim.mesh.model_domain import ModelDomain, Side
 from indent_sim.model.units import round_length
 from indent_sim.scene.measured_constants import CORNER_ERROR, DECAY_ONSET, DECAY_RATE, NOTCH_ERROR
 
@@ -82,8 +82,8 @@ def corners(
     list of Corner
         The corners; in three dimensions the nearest points of the edges.
     """
-    if domain.top_radius:
-        return _base_edge_corners(domain, domain.top_radius, a, nu)
+    if domain.top_arc:
+        return _base_edge_corners(domain, domain.top_arc, a, nu)
     walls = [
         (domain.supports[surface], round_length(r))
         for surface, r in domain.wall_distances(center).items()
@@ -97,15 +97,17 @@ def corners(
     ]
 
 
-def _base_edge_corners(domain: ModelDomain, radius: float, a: float, nu: float) -> list[Corner]:
+def _base_edge_corners(domain: ModelDomain, arc: Side, a: float, nu: float) -> list[Corner]:
     """Return the stress singularity at the rim of the base of a cap or ball; empty if negligible.
 
     A bonded rim is treated as a right-angled corner of a fixed and a free face. Where the body
-    overhangs its base, the rim is a notch, whatever the support. `radius` is the radius of the
-    sphere, and `a` the contact radius [length].
+    overhangs its base, the rim is a notch, whatever the support. `arc` is the curved top, and `a`
+    the radius of the contact [length].
     """
+    assert arc.center is not None
+    half_height = -arc.center[1]
     r, z = next(side.end for side in domain.outline if side.surface == "base")
-    if domain.rests_on_flat and domain.height == 2 * radius:
+    if domain.rests_on_flat and domain.height == 2 * half_height:
         return []
     distance = min(r, -z)
     is_bonded = domain.supports["base"] == "fixed"
@@ -115,7 +117,7 @@ def _base_edge_corners(domain: ModelDomain, radius: float, a: float, nu: float) 
         corner_error = CORNER_ERROR * (2 * nu) ** 2 * decay
     # A stiff coating distributes the load over at least its own thickness.
     load_width = max(a, -min(domain.interfaces, default=0.0))
-    notch_error = NOTCH_ERROR if domain.height > radius else 0.0
+    notch_error = NOTCH_ERROR if domain.height > half_height else 0.0
     error_constant = max(corner_error, notch_error) * min(load_width / distance, 1.0)
     return [Corner(round_length(r), -z, distance, error_constant)] if error_constant else []
 

@@ -55,6 +55,10 @@ EDGE_REFINEMENT = 0.74
 # punches of 0.05 to 1 times their radius, with nu = 0 to 0.4999. Checked:
 # tests/physics/test_corners.py.
 CORNER_ERROR = 0.035
+# Smallest elements at a corner of a gel that swells, in h_contact [-]. In smaller ones the free
+# face beside a bonded base folds (local stretches above 3), and Newton's method finds no
+# equilibrium. Checked: tests/physics/test_gel_scenes.py.
+SWELLING_CORNER_SIZE = 0.125
 # NOTCH_ERROR [-] replaces CORNER_ERROR (2 nu)^2 where a body overhangs its base, with any support.
 # Measured on caps with contact angles from 60 to 170 degrees and elements of 0.01 to 0.3 of the
 # base radius: the errors were 0.1 to 1.3 times this bound, and no more than noise up to 90 degrees.

@@ -19,7 +19,7 @@ from indent_sim.model.layers import Layer
 from indent_sim.model.load_path import LoadPath
 from indent_sim.model.materials import Material
 from indent_sim.model.relaxation import Relaxation
-from indent_sim.model.spherical_bodies import Ball, Cap, SphericalBody
+from indent_sim.model.spherical_bodies import CurvedBody, SphericalBody
 from indent_sim.model.tip_track import TipTrack
 from indent_sim.model.tips import FlatPunch, Indenter, Plate
 from indent_sim.model.unbounded_bodies import HalfSpace, UnboundedBody
@@ -225,7 +225,7 @@ def set_up_problem(config: Config, imported_mesh: ImportedMesh | None = None) ->
         )
         return _set_up(config, meshed_body, meshed_body.layers, None, imported_mesh)
     layers = elastic_layers(config)
-    if isinstance(body, Cap | Ball):
+    if isinstance(body, CurvedBody):
         spherical_body = body.spherical_body
         (*coatings, core) = layers
         core = replace(

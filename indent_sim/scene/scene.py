@@ -361,6 +361,10 @@ def resolve(
     ConfigError
         If the scene is impossible, or needs more memory than this machine has.
     """
+    if config.yields and config.experiment:
+        problem = "is simulated with the load curve of a linear body, but this one yields"
+        remedy = "leave it out of runs; fit and hardness take the frame of an instrument from it"
+        raise ConfigError("experiment", problem, remedy)
     setup = set_up_problem(config, piece)
     check_soft_tip(setup)
     check_slide(setup)

@@ -230,7 +230,7 @@ def sizes(
             domain.height,
             domain.max_width,
             edge,
-            domain.wall_radius or domain.top_radius,
+            domain.smallest_semi_axis,
             edge_refinement,
         )
     if setup.uses_time_stepping and domain.dim == 2 and fixed_sizes.h_contact is None:
@@ -280,7 +280,7 @@ def _default_sizes(
     # than half of the body, for which the size decreases to a tenth.
     width_excess = min(max(a / domain.max_width - 0.5, 0.0), 0.5)
     max_size = (0.25 - 0.3 * width_excess) * max(domain.height, domain.max_width)
-    if wall_radius := domain.wall_radius or domain.top_radius:
+    if wall_radius := domain.smallest_semi_axis:
         # Elements per radius of a curved wall. The polygon encloses 0.3 % less than the circle, and
         # the force of an incompressible body between roller walls changes by as much.
         elements_per_wall_radius = 8.0

@@ -126,7 +126,7 @@ def _pressed_cylinder(lens: SoftCylinder, setup: ProblemSetup, sizes: Sizes) -> 
     h_edge = {} if sizes.h_edge is None else {"h_edge": sizes.h_edge * length}
     if isinstance(body, SphericalBody) and setup.a * length < lens.radius:
         a = setup.a * length
-        curvature_radius = max(body.radius * length, a * a / (MAX_APPROACH * lens.thickness))
+        curvature_radius = max(body.apex_radius * length, a * a / (MAX_APPROACH * lens.thickness))
         tip = {"shape": "paraboloid", "R": curvature_radius}
         depth = {"delta": a * a / curvature_radius}
         h_edge = {}

@@ -321,8 +321,8 @@ def _spherical_domain(
     reason = "axisymmetric: body and tip are rotationally symmetric about the same axis"
     if body.contacts_per_body == 2:
         reason += (
-            "; the horizontal plane through the center of the ball is a mirror plane: half of the "
-            "ball is modelled, with half of the depth"
+            f"; the horizontal plane through the center of the {body.shape} is a mirror plane: "
+            f"half of the {body.shape} is modelled, with half of the depth"
         )
     return domain, reason
 
@@ -330,17 +330,20 @@ def _spherical_domain(
 def _spherical_outline(body: SphericalBody) -> Sides:
     """Return the outline of a spherical body: base, arcs of the curved surface, and axis."""
     R = body.radius
+    c = body.half_height
     base_edge = body.base_edge
     apex = (0.0, 0.0)
     bottom = (0.0, -body.height)
-    middle = (0.0, -R)
+    middle = (0.0, -c)
     is_whole = base_edge[1] > bottom[1]
-    arc_ends = [base_edge, *([(R, -R)] if base_edge[1] < -R else []), apex]
-    base = Side("base", bottom, base_edge, center=middle if is_whole else None)
+    arc_ends = [base_edge, *([(R, -c)] if base_edge[1] < -c else []), apex]
+    base = Side(
+        "base", bottom, base_edge, center=middle if is_whole else None, stretch=body.stretch
+    )
     # The overhang of a cap may touch the flat on which it rests.
     underside = "base" if body.rests_on_flat else "top"
     curved = (
-        Side("top" if end == apex else underside, start, end, center=middle)
+        Side("top" if end == apex else underside, start, end, middle, body.stretch)
         for start, end in pairwise(arc_ends)
     )
     return base, *curved, Side("r_min", apex, bottom)

@@ -39,6 +39,8 @@ from indent_sim.model.state import PullOff, State
 
 # Largest number of halvings of a time step in which the depth of a prescribed force is not found.
 MAX_HALVINGS = 4
+# Largest number of attempts to place a row of unloading of a body that yields.
+MAX_PLACEMENTS = 4
 
 
 @dataclass(frozen=True)
@@ -478,7 +480,7 @@ class LoadStepper:
         The rows divide the depth that the body recovers into equal parts. This depth is searched
         for before the first row, and again before the last one, since the reverse flow of the rows
         between them changes it. If contact is lost earlier than expected, the remaining rows are
-        distributed anew.
+        distributed anew; if the tip still touches the body at the last row, it is lifted further.
 
         Parameters
         ----------
@@ -502,14 +504,20 @@ class LoadStepper:
             else row_depth - rows_left * (depths[-2] - row_depth)
         )
         substeps = 0
-        # The rows are placed once more where contact was lost too early.
-        for _ in range(2):
+        for _ in range(MAX_PLACEMENTS):
             if end is None:
                 return 0
-            substeps = self._step_to(LoadPoint(row_depth - (row_depth - end) / rows_left))
-            if not substeps or rows_left == 1 or self.equilibrium.force > 0:
+            increments = self._step_to(LoadPoint(row_depth - (row_depth - end) / rows_left))
+            if not increments:
+                return 0
+            substeps += increments
+            is_touching = self.equilibrium.force > 0
+            # The last row is where contact is lost, all others are before.
+            if is_touching == (rows_left > 1) or (rows_left == 1 and end <= unloading.to):
                 break
-            self._restore_equilibria(self._row_points)
+            if rows_left > 1:
+                self._restore_equilibria(self._row_points)
+                substeps = 0
             end = self._end_of_unloading(unloading.to)
         return substeps
 

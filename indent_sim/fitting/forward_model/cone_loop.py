@@ -89,17 +89,27 @@ class ConeLoop:
 
     def unloading(self, E: float, h: np.ndarray, h_max: float) -> np.ndarray:
         """Return the forces (n,) of unloading from h_max at depths h (n,)."""
+        return self.unloading_with_stiffness(E, h, h_max)[0]
+
+    def unloading_with_stiffness(
+        self, E: float, h: np.ndarray, h_max: float
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the forces (n,) of unloading from h_max at depths h (n,), and dF/dh (n,)."""
         from scipy.interpolate import CubicSpline
 
         xi = self.stiffness * (h_max - h) / h_max
         fractions = np.concatenate([[0.0], RECOVERY_FRACTIONS, [1.0]])
         forces = np.concatenate([[1.0], self.forces, [0.0]])
-        y = CubicSpline(fractions, forces, bc_type=((1, -self.recovery), "not-a-knot"))(
-            np.clip(xi / self.recovery, 0.0, 1.0)
-        )
+        curve = CubicSpline(fractions, forces, bc_type=((1, -self.recovery), "not-a-knot"))
+        fraction = np.clip(xi / self.recovery, 0.0, 1.0)
+        y = curve(fraction)
         # Noise of the depth leads to samples beyond the deepest point.
-        y = np.where(xi < 0, 1.0 - xi, np.maximum(y, 0.0))
-        return np.asarray(E * self.curvature * h_max**2 * y)
+        is_beyond = xi < 0
+        is_in_contact = ~is_beyond & (y > 0.0) & (fraction < 1.0)
+        F_max = E * self.curvature * h_max**2
+        slope = np.where(is_beyond, 1.0, is_in_contact * -curve(fraction, 1) / self.recovery)
+        y = np.where(is_beyond, 1.0 - xi, np.maximum(y, 0.0))
+        return np.asarray(F_max * y), np.asarray(F_max * self.stiffness / h_max * slope)
 
     def depths_of(self, fractions: np.ndarray, h_max: float) -> np.ndarray:
         """Return the depths (n,) of unloading from h_max at fractions (n,) of the largest force."""

@@ -130,12 +130,18 @@ class ForwardModel:
         self.pivot_depth = max_depth
         self.has_adhesion = self.experiment.adhesion is not None
         self.lowest_work = 0.0
+        self.path_forces: MeasuredPathForces | None = None
+        self._curve_rows: np.ndarray | None = None
+        self._tabulate(measured_path)
+
+    def _tabulate(self, measured_path: MeasuredPath | None) -> None:
+        """Prepare the tables of forces, and set the roles and bounds of the parameters."""
+        config = self.config
+        max_depth = self.max_depth
         self._shape_indices = [
             k for k, parameter in enumerate(self.parameters) if parameter.role == "shape"
         ]
         shape_parameters = [self.parameters[k] for k in self._shape_indices]
-        self.path_forces: MeasuredPathForces | None = None
-        self._curve_rows: np.ndarray | None = None
         is_time_stepped = needs_time_stepping(config)
         curve_parameters = [] if is_time_stepped else shape_parameters
         self.elastic_curves = ElasticLoadCurveGrid(

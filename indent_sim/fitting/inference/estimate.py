@@ -666,22 +666,24 @@ def _loop_guesses(
     is_unloading = (
         np.zeros(len(samples), dtype=bool) if samples.branch is None else samples.branch == RETRACT
     )
+    compliance = forward_model.experiment.compliance
+    depth = samples.x - compliance * force
     # Part of the largest force in which the contact is deep enough, and part of unloading that is
     # nearly a line of the root of the force.
     loading = ~is_unloading & (force > 0.15 * rise)
     top = is_unloading & (force > 0.5 * rise) & (force < 0.97 * rise)
     if np.count_nonzero(loading) < 3:
         return []
-    slope, intercept = np.polyfit(samples.x[loading], np.sqrt(force[loading]), 1)
+    slope, intercept = np.polyfit(depth[loading], np.sqrt(force[loading]), 1)
     if not slope > 0:
         return []
     contact_point = -intercept / slope if origin.contact_point is None else origin.contact_point
     stiffness = None
     if samples.turn is not None and np.count_nonzero(top) >= 3:
-        depth = samples.turn - contact_point
-        fall = np.polyfit(samples.x[top] - samples.turn, force[top], 2)
-        stiffness = float(fall[1] / fall[2]) * depth if fall[2] > 0 else None
-        stiffness = stiffness if stiffness is not None and stiffness > 0 else None
+        deepest = samples.turn - compliance * rise
+        fall = np.polyfit(depth[top] - deepest, force[top], 2)
+        relative = float(fall[1] / fall[2]) * (deepest - contact_point) if fall[2] > 0 else None
+        stiffness = relative if relative is not None and relative > 0 else None
     theta = forward_model.coordinates_of(float(slope) ** 2, stiffness)
     p = np.array([*theta, contact_point, level, 0.0])
     return [_replace_known_baseline(p, samples, origin)]

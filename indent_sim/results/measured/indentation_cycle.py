@@ -185,6 +185,65 @@ def indentation_cycle(h: np.ndarray, F: np.ndarray, is_measured: bool = True) ->
 
 
 @dataclass(frozen=True)
+class CreepRate:
+    """Rate of the depth at the end of a hold at constant force.
+
+    Attributes
+    ----------
+    value
+        Mean rate over the last third of the hold [length/time].
+    error
+        Half-width of the 95 % interval by the scatter of the samples [length/time].
+    relative_stiffness
+        value S/|dF/dt| for a stiffness S of 1 and the rate of the force at the beginning of
+        unloading [length/force].
+    """
+
+    value: float
+    error: float
+    relative_stiffness: float
+
+
+def creep_rate(cycle: IndentationCycle, t: np.ndarray, unloading: slice) -> CreepRate | None:
+    """Return the rate of the depth at the end of the hold; None without a hold or rows in it.
+
+    Parameters
+    ----------
+    cycle
+        The cycle.
+    t
+        Times of its rows (n,).
+    unloading
+        Rows of unloading from which the rate of the force is taken.
+    """
+    if cycle.hold_start is None:
+        return None
+    hold = np.arange(cycle.hold_start, cycle.start + 1)
+    duration = float(t[hold[-1]] - t[hold[0]])
+    used = hold[t[hold] >= t[hold[-1]] - duration / 3.0]
+    # A line needs a third row for its scatter.
+    min_rows = 3
+    fall = float(np.ptp(cycle.F[unloading]))
+    passed = float(np.ptp(t[unloading]))
+    if len(used) < min_rows or not (duration > 0 and fall > 0 and passed > 0):
+        return None
+    rate, error = _line(t[used], cycle.h[used])
+    return CreepRate(rate, error, rate * passed / fall)
+
+
+def _line(t: np.ndarray, h: np.ndarray) -> tuple[float, float]:
+    """Return the slope of the line through depths (n,) and the half-width of its 95 % interval."""
+    time = t - t.mean()
+    depth = h - h.mean()
+    square = float(time @ time)
+    if not square > 0:
+        raise UsageError("the times of a hold do not increase", "check the column of times")
+    rate = float(time @ depth) / square
+    residual = depth - rate * time
+    return rate, 1.96 * float(np.sqrt(residual @ residual / (len(t) - 2) / square))
+
+
+@dataclass(frozen=True)
 class LowForceHold:
     """Hold at a small constant force during unloading, in which the depth drifts.
 
@@ -241,17 +300,8 @@ def low_force_hold(t: np.ndarray, h: np.ndarray, F: np.ndarray) -> LowForceHold:
             "give the rate, for example --drift '0.05 nm/s'",
         )
     used = rows[t[rows] >= t[rows[0]] + recovery * (t[rows[-1]] - t[rows[0]])]
-    time = t[used] - t[used].mean()
-    depth = h[used] - h[used].mean()
-    square = float(time @ time)
-    if not square > 0:
-        raise UsageError("--drift hold needs times that increase", "check the column of times")
-    rate = float(time @ depth) / square
-    residual = depth - rate * time
-    deviation = float(np.sqrt(residual @ residual / (len(used) - 2) / square))
     return LowForceHold(
-        rate,
-        1.96 * deviation,
+        *_line(t[used], h[used]),
         float(t[rows[-1]] - t[rows[0]]),
         float(np.median(F[rows])) / largest,
     )
@@ -316,8 +366,11 @@ def _hold(F: np.ndarray, peak: int, noise: float) -> tuple[int | None, int]:
     scatter = max(3 * noise, 1e-3 * largest)
     held = rows[np.abs(F[rows] - level) <= scatter]
     # In a curve without a hold, two ramps at a constant rate have a fraction of about 2
-    # scatter/largest of all rows near the largest force; a hold must have more.
-    min_rows = max(10.0, (0.04 + 2 * scatter / largest) * len(F))
+    # scatter/largest of all rows near the largest force, and those at the rates just below it pass
+    # the scatter in `passing` rows; a hold must have more. A ramp that is rounded like a sine has
+    # three times as many rows within the scatter as at these rates.
+    passing = np.count_nonzero((distance > near) & (distance <= 3 * near)) * scatter / near
+    min_rows = max(10.0, min((0.04 + 2 * scatter / largest) * len(F), 5 * passing))
     if len(held) < min_rows:
         return None, peak
     # In a hold the forces scatter around the median. The last row above the median ends it, since

@@ -21,7 +21,7 @@ from indent_sim.model.layers import Layer
 from indent_sim.model.linear_elasticity import LinearElastic
 from indent_sim.model.loading import Loading
 from indent_sim.model.materials import YieldingLaw
-from indent_sim.model.spherical_bodies import Ball, Cap
+from indent_sim.model.spherical_bodies import Ball, CurvedBody, Ellipsoid
 from indent_sim.model.tilted_tip import largest_tilt, tilted
 from indent_sim.model.tips import (
     FlatPunch,
@@ -624,12 +624,14 @@ EFFECTS: dict[str, Cases] = {
     ),
     "bond_below": (
         Absent(
-            "only a cap or a ball can rest on a flat without a bond",
-            when=lambda v: not isinstance(v.config.body, Cap | Ball),
+            "only a cap, a ball or an ellipsoid can rest on a flat without a bond",
+            when=lambda v: not isinstance(v.config.body, CurvedBody),
         ),
         Absent(
-            "the ball is held by two tips",
-            when=lambda v: v.config.body.base == "roller" and isinstance(v.config.body, Ball),
+            "the {v.config.body.shape} is held by two tips",
+            when=lambda v: (
+                v.config.body.base == "roller" and isinstance(v.config.body, Ball | Ellipsoid)
+            ),
         ),
         Comparison(
             "the body on its flat relative to one whose base is bonded, each on its own mesh",

@@ -17,7 +17,7 @@ from indent_sim.model.imported_body import MeshFromFile
 from indent_sim.model.linear_elasticity import LinearElastic
 from indent_sim.model.loading import Loading
 from indent_sim.model.relaxation import Relaxation
-from indent_sim.model.spherical_bodies import Ball, Cap
+from indent_sim.model.spherical_bodies import CurvedBody
 from indent_sim.model.tips import Cone, Indenter, Plate, RegularPyramid, Sphere
 from indent_sim.model.unbounded_bodies import HalfSpace, InfiniteLayer
 from indent_sim.model.walled_bodies import Box, Strip
@@ -90,7 +90,7 @@ class SceneVariants:
         self.delta = max(scene.physics.deltas) * scene.physics.scales.depth
         self.is_plane_strain = config.body.dim == 2
         self.is_half_space = isinstance(config.body, HalfSpace)
-        self.is_spherical = isinstance(config.body, Cap | Ball)
+        self.is_spherical = isinstance(config.body, CurvedBody)
         self.materials = [material.canonical() for _, material in config.materials()]
         self.is_isotropic = all(material.is_isotropic for material in self.materials)
         laws = (material.relaxation for _, material in config.materials())
@@ -239,7 +239,7 @@ class SceneVariants:
         contacts = 1
         if body.dim == 2:
             return None
-        if isinstance(body, Cap | Ball):
+        if isinstance(body, CurvedBody):
             tip = relative_tip(tip, body.spherical_body)
             contacts = body.spherical_body.contacts_per_body
         elif not isinstance(body, MeshFromFile):
