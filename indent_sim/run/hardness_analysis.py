@@ -807,10 +807,10 @@ def _fit_warnings(cycle: IndentationCycle, fit: UnloadingFit) -> list[str]:
 
 
 def _creep_warnings(creep: CreepRate | None, fit: UnloadingFit) -> list[str]:
-    """Return a warning if the sample still creeps so fast that unloading looks stiffer.
+    """Return a warning if creep at the end of the hold makes the measured stiffness too large.
 
-    1/S = 1/S_elastic - (dh/dt)/|dF/dt| if the creep goes on: Feng & Ngan (2002), J. Mater. Res. 17,
-    660.
+    If the creep continues in unloading, 1/S = 1/S_elastic - (dh/dt)/|dF/dt|: Feng & Ngan (2002),
+    J. Mater. Res. 17, 660.
     """
     change = 0.0 if creep is None else creep.relative_stiffness * fit.stiffness
     # A smaller change is below the accuracy of the method.

@@ -108,7 +108,7 @@ class LoopForwardModel(ForwardModel):
     ) -> np.ndarray:
         """Return the forces (..., n) at displacements of the base x (..., n).
 
-        Without branches all is loading.
+        Without `branch`, all forces are those of loading.
         """
         if theta.ndim > 1:
             turns = np.broadcast_to(self._turn, len(theta))

@@ -193,10 +193,10 @@ class CreepRate:
     value
         Mean rate over the last third of the hold [length/time].
     error
-        Half-width of the 95 % interval by the scatter of the samples [length/time].
+        Half-width of the 95 % interval, from the scatter of the samples [length/time].
     relative_stiffness
-        value S/|dF/dt| for a stiffness S of 1 and the rate of the force at the beginning of
-        unloading [length/force].
+        Ratio of `value` to the rate of the force at the beginning of unloading [length/force].
+        Multiplied by the stiffness S, it is the relative change of S due to creep.
     """
 
     value: float
@@ -205,7 +205,9 @@ class CreepRate:
 
 
 def creep_rate(cycle: IndentationCycle, t: np.ndarray, unloading: slice) -> CreepRate | None:
-    """Return the rate of the depth at the end of the hold; None without a hold or rows in it.
+    """Return the rate of the depth at the end of the hold; None if it is unknown.
+
+    The rate is unknown if the cycle has no hold, or if the hold has too few rows.
 
     Parameters
     ----------
@@ -232,7 +234,7 @@ def creep_rate(cycle: IndentationCycle, t: np.ndarray, unloading: slice) -> Cree
 
 
 def _line(t: np.ndarray, h: np.ndarray) -> tuple[float, float]:
-    """Return the slope of the line through depths (n,) and the half-width of its 95 % interval."""
+    """Return the slope of a regression line and the half-width of its 95 % interval."""
     time = t - t.mean()
     depth = h - h.mean()
     square = float(time @ time)
