@@ -97,7 +97,10 @@ class Body:
 
     @property
     def before(self) -> TimeLevel:
-        """Accepted state, created on first use because few terms need it."""
+        """Accepted state of the body.
+
+        It is created on first use, because few terms need it.
+        """
         self._before = self._before or self._create_time_level(fem.Function(self.unknowns.space))
         return self._before
 

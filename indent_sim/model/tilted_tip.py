@@ -155,8 +155,6 @@ class TiltedTip(_Tip):
 
         The horizontal coordinates are relative to the origin; z is the height above the lowest
         point.
-
-        z is the height above the lowest point.
         """
         cos_tilt = cos(self.tilt)
         sin_tilt = sin(self.tilt)
@@ -408,7 +406,7 @@ class TiltedTip(_Tip):
         return float((self.equivalent_tip() or self.tip).radius_at(depth))
 
     def slope(self, r: Expr) -> Expr:
-        """Return the slope of the upright tip with equal sections."""
+        """Return the slope of the upright tip whose horizontal sections have the same areas."""
         return (self.equivalent_tip() or self.tip).slope(r)
 
     def slope_discontinuities(self) -> list[tuple[float, float]]:

@@ -503,7 +503,7 @@ class Plate(_FlatTip):
         return inf
 
     def radius_scale(self, r: float) -> None:
-        """Return None: a plane has no size."""
+        """Return None, because a plane has no size."""
         return None
 
     def characteristic_strain(self, delta: float, a: float) -> tuple[float, str]:

@@ -341,7 +341,7 @@ class RowIndex:
         return self._position("settings", settings, is_finished=True) is not None
 
     def find_physics(self, physics: int) -> RunRow | None:
-        """Return a finished row of the same physics; None if there is no such row."""
+        """Return the row of a finished run with the same physics; None if there is no such row."""
         return self._find("physics", physics, is_finished=True)
 
     def settings_of(self, physics: int) -> set[int]:

@@ -264,7 +264,7 @@ def _laplace_transform(s: complex, r: float, surface: SurfaceDrainage) -> comple
     )
 
     def kernel(z: np.ndarray) -> np.ndarray:
-        """Return (1/pi) int_0^inf of the subtracted terms times cos kz dk."""
+        """Return 1/pi times the integral over k of the subtracted terms multiplied by cos kz."""
         return root * (first / 2.0 + second / 4.0 * (1.0 + root * z)) * np.exp(-root * z)
 
     def integral(z: np.ndarray) -> np.ndarray:

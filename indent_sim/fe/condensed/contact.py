@@ -183,7 +183,7 @@ class CondensedContact:
     def _solve_balanced(self) -> bool:
         """Solve for the contact, and for the motion of a body that rests on a flat.
 
-        The spring between body and flat starts from the motion at which it is free of force.
+        The motion at which the forces on tip and flat are equal is found by the secant method.
         """
         algorithm = CONDENSED_ALGORITHMS[self.law.multiplier]
         flat = self.compliance.flat

@@ -278,7 +278,7 @@ class BodyEquilibrium:
 
     @cached_property
     def _numberings(self) -> list[list[DofNumbering]]:
-        """Numberings of the fields of each array of a state.
+        """Dof numberings of the fields that each array of a state contains.
 
         The arrays are the unknowns, the functions `frozen` of the problem and the internal
         variables, in this order.

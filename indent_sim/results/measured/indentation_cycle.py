@@ -118,7 +118,7 @@ class IndentationCycle:
 
     @property
     def _zero_crossing(self) -> float:
-        """Depth at which the straight line to the first row without force vanishes [length]."""
+        """Depth at which the force vanishes, interpolated linearly [length]."""
         after = self._end_of_contact
         F_before, F_after = self.F[after - 1 : after + 1]
         h_before, h_after = self.h[after - 1 : after + 1]
