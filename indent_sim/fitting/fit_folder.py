@@ -133,7 +133,7 @@ class CurveFits:
 
 @dataclass(frozen=True)
 class _FitTask:
-    """Curve to be fitted, with the paths of its output and the record of its file."""
+    """Curve to be fitted, with the paths of its output and the `source` of its entry."""
 
     curve: MeasuredCurve
     directory: Path

@@ -320,7 +320,7 @@ class TiltedTip(_Tip):
         """Return the upright tip with equal sections at every height; None if no such tip exists.
 
         Sections are equal in area, in plane strain (`dim` 2) in width. For rounded tips it is a
-        tip that is equal near its apex and far from it.
+        tip that agrees with this tip near its apex and far from it.
         """
         tau = float(tan(self.tilt))
         T = float(tan(getattr(self.tip, "half_angle", 0.0)))

@@ -344,7 +344,7 @@ class ErrorBars:
         return abs(state.force - solution.force * self._scales.force) if solution else 0.0
 
     def _depth_error(self, state: State, error: float) -> float | None:
-        """Return the error of a computed depth: error of the force over the load curve's slope.
+        """Return the error of a computed depth: force error divided by the load curve's slope.
 
         The result is None if depths are prescribed, and NaN (unknown) if the force does not
         increase with the depth.
