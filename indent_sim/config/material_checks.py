@@ -155,7 +155,7 @@ def _flow_law_errors(key: str, material: Material) -> Iterator[ConfigError]:
 def plasticity_errors(config: SceneSections) -> Iterator[ConfigError]:
     """Yield a ConfigError for each error in the plasticity of the materials.
 
-    Keys that cannot be combined with plasticity are errors, too.
+    Keys that cannot be combined with plasticity are errors as well.
     """
     laws = {f"{key}.plasticity": law for key, law in config.materials() if law.plasticity}
     for key, law in laws.items():

@@ -159,7 +159,7 @@ class Body:
         )
 
     def region_integral(self, density: Expr, region: Region) -> ufl.Form:
-        """UFL form of the integral of a density over a region, with 2 pi r if axisymmetric."""
+        """UFL form of the integral of a density over a region, times 2 pi r if axisymmetric."""
         return density * self.weight * self.region_measure(region)
 
     def region_measure(self, region: Region) -> ufl.Measure:
@@ -244,7 +244,7 @@ class Body:
     def _constrain_at_supports(self, field: Field) -> None:
         """Set components of a field to zero where the same component of u is constrained.
 
-        The component does no work there and would otherwise be undetermined.
+        At these dofs the component does no work, and would otherwise be undetermined.
         """
         dim = self.body_mesh.dim - 1
         surfaces = self.body_mesh.surfaces

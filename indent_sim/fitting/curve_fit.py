@@ -131,7 +131,7 @@ class PlottedCurve:
     alternative_fits
         Forces by other models, by name.
     t
-        Times from first contact [s] if the force depends on time, else None.
+        Times from first contact [s]; None if the force does not depend on time.
     """
 
     delta: np.ndarray
@@ -160,7 +160,7 @@ class CurveFit:
 
 
 def keys_of_part(keys: Sequence[str], part: CurvePart) -> tuple[str, ...]:
-    """Return the varied keys; a work of adhesion has two, if both branches are fitted."""
+    """Return the varied keys; a work of adhesion becomes two keys if both branches are fitted."""
     if part == "both" and ADHESION_WORK_KEY in keys and RETRACT_WORK_KEY not in keys:
         after = list(keys).index(ADHESION_WORK_KEY) + 1
         return (*keys[:after], RETRACT_WORK_KEY, *keys[after:])
@@ -168,7 +168,7 @@ def keys_of_part(keys: Sequence[str], part: CurvePart) -> tuple[str, ...]:
 
 
 def rejected_fit(name: str, reason: str, seconds: float = 0.0) -> CurveFit:
-    """Return the result for a curve that was rejected, with the reason."""
+    """Return the result for a rejected curve, with the reason of the rejection."""
     return CurveFit({"curve": name, "status": "refused", "reason": reason, "seconds": seconds})
 
 
@@ -178,7 +178,7 @@ def fit_curve(curve: MeasuredCurve, request: FitRequest, tables: ForwardModelCac
     Parameters
     ----------
     curve
-        The measured curve, in its own units.
+        The measured curve, in the units of its file.
     request
         The scene and the settings of the fit.
     tables
@@ -221,9 +221,10 @@ def fitted_part(curve: MeasuredCurve, request: FitRequest) -> MeasuredCurve:
 
 
 def _with_parts_by_force(curve: MeasuredCurve) -> MeasuredCurve:
-    """Return the curve of a body that yields with its parts found by the force.
+    """Return the curve of a body that yields, divided into its parts by the force.
 
-    Such a body recovers by some per cent of the depth, so that by its depth unloading is a hold.
+    Such a body recovers by only some per cent of the depth, so that a division by the depth would
+    take unloading for a hold.
     """
     depth = curve.abscissa_values(curve.available_abscissa("delta"))
     try:
@@ -309,7 +310,8 @@ def _fit_elastic(
     """Fit an elastic scene; a curve without samples before contact is given a baseline.
 
     Returns the fit, sentences about the baseline, and the errors (k,) of theta due to leaving out
-    the toe, which is the slow rise of the force before contact. They are empty without a toe.
+    the toe, which is the slow rise of the force before contact. These errors are empty without a
+    toe.
     """
     estimate = _fit_load_curve(config, request, samples, tables)
     known = None
@@ -337,7 +339,7 @@ def _fit_elastic(
 def _fit_load_curve(
     config: Config, request: FitRequest, samples: Samples, tables: ForwardModelCache
 ) -> Estimate:
-    """Fit an elastic scene; solve deeper and refit if the fitted depth exceeds the solved one."""
+    """Fit an elastic scene; solve deeper and refit if the fit exceeds the solved depth."""
     if config.experiment and config.experiment.adhesion:
         return _fit_adhesive_load_curve(config, request, samples, tables)
     forward_model = _shared_forward_model(config, request.varied_keys, samples, tables)
@@ -391,7 +393,7 @@ def _fit_adhesive_load_curve(
 def fit_loop(
     config: Config, request: FitRequest, samples: Samples, tables: ForwardModelCache
 ) -> Estimate:
-    """Fit a body that yields to loading and unloading.
+    """Fit the loading and unloading of a body that yields.
 
     Raises
     ------
@@ -435,8 +437,8 @@ def _fit_along_path(
 ) -> Estimate:
     """Fit a path-dependent scene along the measured load path.
 
-    The path begins at first contact; an elastic fit gives the first estimate of this point. Path
-    and fit are repeated until the contact point converges (at most four times).
+    The path begins at first contact, which is first estimated by an elastic fit. Path and fit are
+    repeated until the contact point converges (at most four times).
     """
     assert samples.t is not None
     compliance = config.experiment.compliance if config.experiment else 0.0
@@ -482,7 +484,7 @@ def _fit_along_path(
 def _elastic_contact_point(
     config: Config, request: FitRequest, approach: Samples, tables: ForwardModelCache
 ) -> float:
-    """Return the contact point by an elastic fit to the approach, with the first modulus free.
+    """Return the contact point of an elastic fit to the approach, in which one modulus is free.
 
     Raises
     ------
@@ -512,7 +514,7 @@ def _elastic_config_with_spring(config: Config, depth: float) -> Config:
 
 
 def prepare_curve(curve: MeasuredCurve, request: FitRequest) -> tuple[Config, Samples, list[str]]:
-    """Return the scene for this curve, the samples, and notes on the assumptions."""
+    """Return the scene for a curve, its samples, and notes on the assumptions."""
     config = request.config
     has_spring = config.experiment is not None and config.experiment.compliance > 0
     guesses = []
@@ -548,7 +550,7 @@ def prepare_curve(curve: MeasuredCurve, request: FitRequest) -> tuple[Config, Sa
 
 
 def _order_by_time(samples: Samples, curve: MeasuredCurve, part: CurvePart) -> Samples:
-    """Return the samples in the order of time; of a whole curve, each with its branch."""
+    """Return the samples in the order of time; those of a whole curve also have their branch."""
     if part == "approach" and samples.x[0] > samples.x[-1]:
         # The rows of this file are in the order of z, so that they begin at the deepest point.
         return Samples(
@@ -662,7 +664,7 @@ def _assess_model(
 def relative_calibration_error(config: Config, forward_model: ForwardModel) -> float:
     """Return the relative error of a modulus due to uncertain stiffness and tip radius.
 
-    It is the sum in quadrature of the relative error of the cantilever stiffness and of the
+    The result is the sum in quadrature of the relative error of the cantilever stiffness and of the
     relative error of the radius multiplied by d ln F / d ln R.
     """
     calibration = config.experiment.calibration if config.experiment else None
@@ -836,7 +838,7 @@ def _hertz_comparison(assessment: ModelAssessment, config: Config) -> dict[str, 
     """Return the modulus by a fit of the half-space formula with the same contact point.
 
     The keys are `E`, the modulus, and `percent`, its difference from the modulus of the scene in
-    per cent. None if there is no fit.
+    per cent. The result is None if no fit exists.
     """
     estimate = assessment.estimate
     forward_model = assessment.estimate.model.forward_model
@@ -893,7 +895,7 @@ def _warnings(assessment: ModelAssessment) -> list[str]:
 
 
 def _contradicting_touch(estimate: Estimate) -> tuple[float, float] | None:
-    """Return the displacements around a snap-in that contradicts the contact point, or None."""
+    """Return the displacements around a snap-in that contradicts the contact point; may be None."""
     model = estimate.model
     if model.origin.contact_point is None or model.samples.branch is None:
         return None
@@ -974,7 +976,7 @@ def _significant_digits(interval: Interval) -> int:
 
 
 def quantity_kind(config: Config, key: str) -> str | None:
-    """Return "length", "force" or "pressure" for a key of this dimension, else None."""
+    """Return the kind "length", "force" or "pressure" of a key; None for other dimensions."""
     if key == RETRACT_WORK_KEY:
         return quantity_kind(config, ADHESION_WORK_KEY)
     return dimension_of_key(key_path(key), to_mapping(config))
@@ -1001,7 +1003,7 @@ def _summary(assessment: ModelAssessment, config: Config) -> str:
 
 
 def _hardening_sentence(assessment: ModelAssessment) -> str:
-    """Return a sentence if one loop does not tell the yield stress from hardening, else ""."""
+    """Return a sentence if one loop does not separate yield stress and hardening, else ""."""
     estimate = assessment.estimate
     keys = estimate.model.forward_model.varied_keys
     if not {YIELD_STRESS_KEY, HARDENING_KEY} <= set(keys):
@@ -1034,8 +1036,8 @@ def one_line_summary(entry: Mapping[str, Any], config: Config) -> str:
 def format_interval(key: str, config: Config, interval: Interval) -> str:
     """Return a key's value and its 95 % interval as text with units.
 
-    If the curve does not determine the parameter, the text says so and gives its upper limit, if it
-    has one.
+    If the curve does not determine the parameter, the text states this, with the upper limit of the
+    parameter if there is one.
     """
     name = key.rpartition(".")[2]
     if interval.low == 0.0 < interval.value:

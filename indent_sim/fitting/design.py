@@ -1,8 +1,8 @@
 """Experimental design: intervals to be expected from a planned measurement.
 
 With the Jacobian J of the force with respect to parameters, contact point and baseline, and white
-noise of standard deviation s, their covariance is s^2 (J'J)^-1 (Seber & Wild 2003, ch. 5). Wide
-intervals are found by profile likelihood as in a fit.
+noise of standard deviation s, the covariance of the parameters is s^2 (J'J)^-1 (Seber & Wild 2003,
+ch. 5). Wide intervals are found by profile likelihood as in a fit.
 """
 
 from __future__ import annotations
@@ -80,8 +80,8 @@ class Design:
     helps
         Changes of the experiment with their intervals.
     baseline
-        Sufficient length of the baseline in depths: a longer one makes no interval narrower by more
-        than 5 %.
+        Sufficient length of the baseline, in units of the largest depth: a longer one makes no
+        interval narrower by more than 5 %.
     depth, force
         Depth [length] and force [force] of the deepest sample.
     noise
@@ -240,7 +240,7 @@ class _PlannedMeasurement:
 
 
 def design_measurement(config: Config, keys: Sequence[str], noise: float, points: int) -> Design:
-    """Return the expected intervals of some keys of a scene by a planned measurement.
+    """Return the expected intervals of parameters of a scene from a planned measurement.
 
     Parameters
     ----------

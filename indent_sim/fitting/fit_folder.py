@@ -87,7 +87,7 @@ class ReadOptions:
         Columns as "role=title" or "role=number", or the titles or numbers of the columns of depth,
         force and time, in this order.
     units
-        Units of a file that gives none.
+        Units of a file without units.
     sensitivity
         Length per voltage of deflections in volts, such as 50 nm/V.
     """
@@ -227,7 +227,7 @@ def fit_files(folder: Path) -> tuple[str, ...]:
 
 
 def tell_cost(request: FitRequest, tell: ReportLine) -> None:
-    """Say that the forces of the scene come from finite elements, and how long one run takes.
+    """Report that the forces of the scene come from finite elements, and how long a run takes.
 
     Raises ConfigError if the scene is not valid.
     """
@@ -414,7 +414,7 @@ def _rename_curve(curve: MeasuredCurve | CurveFit, name: str) -> MeasuredCurve |
 
 
 def _file_name(name: str) -> str:
-    """Return the name of a curve as one of a file: printable, and not too long."""
+    """Return the name of a curve as a file name: printable, and not too long."""
     # File systems allow 255 bytes, of which suffixes and names of temporary files need some.
     max_bytes = 200
     text = printable(name)
@@ -558,7 +558,7 @@ def _summary_line(fits: CurveFits) -> str:
     if done and fits.request.varied_keys:
         key = fits.request.varied_keys[0]
         values = [float(entry["parameters"][key]["value"]) for entry in done]
-        quartiles = np.percentile(values, [25, 50, 75]).tolist()
+        quartiles = [float(value) for value in np.percentile(values, [25, 50, 75])]
         interval = Interval(quartiles[1], quartiles[0], quartiles[2])
         low, median, high = (
             format_value(key, fits.request.config, value, interval) for value in quartiles

@@ -23,8 +23,8 @@ class Grid:
     Attributes
     ----------
     points
-        Coordinates (n, dim) in multiples of `Scales.length`; those of an imported mesh are at first
-        in the length unit of its file.
+        Coordinates (n, dim) in multiples of `Scales.length`; the coordinates of an imported mesh
+        are at first in the length unit of its file.
     cells
         Point numbers (m, dim + 1) of the corners of the cells.
     regions

@@ -27,7 +27,7 @@ def gwyddion_field(
     title : str
         Name of the quantity.
     unit : str
-        Its SI unit.
+        SI unit of the quantity.
     """
     rows, columns = values.shape
     header = {"XRes": columns, "YRes": rows, "Title": title}

@@ -91,7 +91,7 @@ class PlannedRun:
 
     @property
     def stiffness(self) -> float | None:
-        """Stiffness epsilon_n or gamma of the contact law divided by E*/h_contact, or None."""
+        """Stiffness epsilon_n or gamma of the contact law, divided by E*/h_contact; may be None."""
         law = self.scene.physics.contact
         return law.stiffness / self._stiffness_unit if hasattr(law, "stiffness") else None
 

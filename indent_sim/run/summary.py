@@ -110,8 +110,8 @@ def rounded_timings(seconds: Mapping[str, float]) -> dict[str, float]:
 def row_of_interest(states: Sequence[State], is_force_prescribed: bool) -> State:
     """Return the row with the largest force, or the last row if no force is positive.
 
-    Of several rows with this force the first one is returned; if forces are prescribed, the
-    deepest one, which is the last row of a creep test.
+    If several rows have this force, the first one is returned; under prescribed forces the deepest
+    row is returned, which is the last row of a creep test.
     """
     largest_force = max(state.force for state in states)
     if not largest_force > 0:

@@ -15,10 +15,10 @@ from indent_sim.model.work import path_integral
 def energy_balance(states: list[State], side_force: str = "") -> float | None:
     """Return the relative difference of the tip's work and elastic energy plus dissipation.
 
-    The work is int F ddelta, and of a tip that slides int F ddelta - int F_x dx with the side force
-    F_x on the tip. The integrals are trapezoid rules. The difference is reported, but not checked:
-    with few rows the error of the trapezoid rule far exceeds that of the solution. None if there is
-    no energy.
+    The work is int F ddelta; for a tip that slides it is int F ddelta - int F_x dx with the side
+    force F_x on the tip. The integrals are trapezoid rules. The difference is reported, but not
+    checked: with few rows the error of the trapezoid rule far exceeds the error of the solution.
+    The result is None if there is no energy.
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ class HysteresisLoop:
         Work of loading [force length].
     end_depth
         Depth [length] at which the path ends in contact; the loop is taken beyond this depth. None
-        if the force has vanished at the end.
+        if the force is zero at the end of the path.
     """
 
     area: float

@@ -21,6 +21,7 @@ from indent_sim.scene.measured_constants import (
     ELEMENTS_PER_RADIUS,
     FLAT_INCLUSION_FACTOR,
     MAX_INCLUSION_WEIGHT,
+    SWELLING_CORNER_SIZE,
 )
 from indent_sim.scene.path_rows import path_rows
 from indent_sim.scene.problem_setup import ProblemSetup
@@ -66,7 +67,7 @@ def _expected_base_radius(body: SphericalBody, setup: ProblemSetup) -> float:
     solution = setup.solution(setup.max_depth) if setup.max_depth > 0 else None
     if solution and theory and isinstance(theory.contact, ContactsInSeries):
         return theory.contact.lower_solution(solution.force).a
-    return max((body.radius * max(setup.max_depth, 0.0) / 2) ** 0.5, setup.a)
+    return max((body.apex_radius * max(setup.max_depth, 0.0) / 2) ** 0.5, setup.a)
 
 
 def refine_corners(
@@ -79,8 +80,8 @@ def refine_corners(
 
     In three dimensions this refinement would cost too much. The field `corner_error` of the result
     estimates the error of the force due to the elements at corners, with and without refinement. A
-    coarser mesh does not show this error, since the elements at a corner are never larger than
-    those in the contact.
+    coarser mesh does not show this error, since the elements at a corner are never larger than the
+    elements in the contact.
     """
     physics = setup.physics
     nu = physics.largest_nu
@@ -114,6 +115,8 @@ def refine_corners(
     )
     if physics.domain.dim == 2 and h is None and is_size_free and needs_refinement:
         h = min(corner.size(corner_error_share * error, n) for corner in near_corners)
+        if physics.is_swelling:
+            h = max(h, SWELLING_CORNER_SIZE * default_sizes.h_contact)
     if h is None:
         return replace(
             default_sizes,

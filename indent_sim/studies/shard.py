@@ -94,7 +94,7 @@ def compute_rows(
     lock
         Descriptor of the lock file, which the processes keep open.
     tell
-        Called with each line of progress.
+        Function that is called with each line of progress.
     """
     require_hdf5("a study without folders for its runs")
     rows_folder = directory / ROWS_FOLDER

@@ -67,7 +67,7 @@ class KeyRoles:
 
 
 def assign_roles(curve_groups: CurveGroups) -> KeyRoles:
-    """Return the role of each varied key, by its number of values.
+    """Return the role of each varied key, which depends on the number of its values.
 
     The numeric key with the most values is shown by colour, since a colour bar can show any number
     of values. The other keys are assigned to columns, rows and dash patterns in the order of their

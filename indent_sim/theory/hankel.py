@@ -79,7 +79,7 @@ class Kernel:
     def slope_integrals(self, a: np.ndarray) -> np.ndarray:
         """Return ∫_0^a b_j'(x)/x dx, shape (modes, len(a)).
 
-        It is -k Si(k a) for the cosines; the other integrals are computed by quadrature.
+        The integral is -k Si(k a) for the cosines; the other integrals are computed by quadrature.
         """
         from scipy.special import sici
 
@@ -166,7 +166,7 @@ def contact_kernel(a: float, stack: Stack, wall: float) -> Kernel | EvenKernel:
     """Return the kernel of `axisymmetric_kernel` for radii up to a, in polynomials if possible.
 
     Without walls the kernel is analytic within 2 h of the real axis, so that a few polynomials
-    approximate it for smaller contacts. They are cached for radii in powers of sqrt(2).
+    approximate it for smaller contacts. The kernels are cached for radii in powers of sqrt(2).
     """
     if math.isinf(wall) and a <= 2.0:
         max_radius = 2.0 ** (0.5 * math.ceil(2.0 * math.log2(max(a, 2.0**-10))))
@@ -177,7 +177,7 @@ def contact_kernel(a: float, stack: Stack, wall: float) -> Kernel | EvenKernel:
 
 @lru_cache(maxsize=64)
 def _polynomial_kernel(max_radius: float, stack: Stack) -> EvenKernel | None:
-    """Return the kernel in even polynomials; None if too many of them are needed.
+    """Return the kernel in even polynomials; None if too many polynomials are needed.
 
     cos(k x) = J_0(k R) + 2 sum_j (-1)^j J_2j(k R) T_2j(x/R) with R = max_radius.
     """

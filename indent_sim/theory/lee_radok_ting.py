@@ -162,7 +162,7 @@ class LeeRadokTing:
         return float(brentq(balance, 0.0, self.deepest, xtol=1e-14 * self.deepest))
 
     def contact_grows_again(self, times: Sequence[float]) -> bool:
-        """Return whether the contact grows again during retraction, at one of the times.
+        """Return whether the contact grows again during retraction at any of the given times.
 
         Ting's solution is not valid in this case.
         """

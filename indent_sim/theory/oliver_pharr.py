@@ -61,7 +61,7 @@ def area_function(h_c: np.ndarray, coefficients: np.ndarray) -> np.ndarray:
 def fit_area_function(h_c: np.ndarray, area: np.ndarray) -> np.ndarray:
     """Return the coefficients (5,) of an area function by least squares of relative differences.
 
-    None of them is negative, so that the area increases with the contact depth.
+    No coefficient is negative, so that the area increases with the contact depth.
 
     Parameters
     ----------
@@ -268,7 +268,7 @@ def fit_unloading(
 
 
 def _start(x: np.ndarray, y: np.ndarray, m: float) -> np.ndarray | None:
-    """Return force, stiffness and exponent of the line through y^(1/m); None if it rises."""
+    """Return force, stiffness and exponent from the line through y^(1/m); None if it rises."""
     slope, intercept = np.polyfit(x, np.maximum(y, 0.0) ** (1.0 / m), 1)
     if not (slope < 0 and intercept > 0):
         return None

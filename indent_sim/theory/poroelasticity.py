@@ -131,9 +131,9 @@ def paraboloid_fraction_remaining(
     ----------
     tau
         D t/a^2, where t is the time after a step to a constant depth, or the duration of a ramp;
-        the fraction after a ramp is that at its end.
+        for a ramp the fraction at its end is returned.
     tip
-        "drained" if fluid can pass through the surface of the tip, else "sealed".
+        "drained" if fluid can pass through the surface of the tip, otherwise "sealed".
     loading
         "step" or "ramp": how the depth is applied.
     """
@@ -154,7 +154,7 @@ def poroelastic_fraction_remaining(
 ) -> float:
     """Return g = (F - F(inf))/(F(0+) - F(inf)) of a flat punch on a half-space, from 1 to 0.
 
-    It is accurate to eight digits for tau >= 1e-3, and to three digits for shorter times.
+    The result is accurate to eight digits for tau >= 1e-3, and to three digits for shorter times.
 
     Parameters
     ----------

@@ -77,7 +77,7 @@ class Theory:
         return None
 
     def depth_of_force(self, force: float, deepest: float) -> float | None:
-        """Return the depth of a force, at most `deepest`; None beyond the range of the theory."""
+        """Return the depth of a force, at most `deepest`; None outside the range of the theory."""
         with contextlib.suppress(*SOLUTION_ERRORS), np.errstate(all="ignore"):
             return min(self.contact.depth_of_force(force), deepest)
         deepest_solution = self.solution_at_depth(deepest)

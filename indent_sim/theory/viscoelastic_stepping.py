@@ -171,8 +171,8 @@ class ViscoelasticTimeStepper:
     ) -> tuple[float, np.ndarray]:
         """Return the depth and the pressures of a given force; Newton's method inverts F(delta).
 
-        Newton's method converges because F(delta) is convex. For zero force the depth is that of
-        first contact.
+        Newton's method converges because F(delta) is convex. For zero force the depth of first
+        contact is returned.
         """
         areas = self.surface.areas
         delta = float((open_gaps / areas).min()) if self._elastic_pressures.any() else 0.0

@@ -123,8 +123,8 @@ def roughness(
 ) -> float:
     """Amplitude of the contact pressure's oscillation from node to node [pressure].
 
-    It is 0 if no facet of the contact is far enough from its edge and from slope discontinuities of
-    the tip.
+    The result is 0 if no facet of the contact is far enough from the contact edge and from slope
+    discontinuities of the tip.
 
     Parameters
     ----------

@@ -124,7 +124,7 @@ class ConeLoop:
 
     @staticmethod
     def unpack(packed: np.ndarray) -> ConeLoop:
-        """Return the loop of interpolated numbers."""
+        """Return the loop that has the given numbers, which may be interpolated."""
         curvature, stiffness, recovery = np.exp(packed[:3]).tolist()
         errors = np.abs(packed[-2:]).tolist()
         return ConeLoop(curvature, stiffness, recovery, packed[3:-2], *errors)
@@ -232,7 +232,7 @@ class ConeLoopTable:
         return self._grid.computed_nodes
 
     def loop(self, metal: Metal) -> ConeLoop:
-        """Return the loop of a material; outside MODULUS_RATIOS it is that of the nearest ratio."""
+        """Return the loop of a material; outside MODULUS_RATIOS, the loop of the nearest ratio."""
         theta = [math.log(self.scene_metal.E / metal.ratio)]
         return ConeLoop.unpack(
             self._grid.interpolate([*theta, metal.n] if self._varies_hardening else theta)
@@ -271,7 +271,7 @@ def solve_cone_loop(config: Config, depth: float) -> ConeLoop:
 def loop_of_rows(h: np.ndarray, F: np.ndarray, S: np.ndarray, E: float) -> ConeLoop:
     """Return the loop of depths, forces and unloading stiffnesses of the rows (m,) of a run.
 
-    The first LOADING_ROWS are equal increments of loading, the others unloading.
+    The first LOADING_ROWS rows are equal increments of loading, and the other rows are unloading.
     """
     k = np.arange(FIRST_ROW, LOADING_ROWS + 1)
     used = k - 1
@@ -293,7 +293,7 @@ def loop_of_rows(h: np.ndarray, F: np.ndarray, S: np.ndarray, E: float) -> ConeL
 def _recovery_estimate(config: Config) -> float:
     """Return F_max/(S h_max) of a scene within some 20 %, from runs of a 70.3 degree cone.
 
-    It places the rows of unloading only.
+    The estimate is used only to place the rows of unloading.
     """
     metal = metal_of(config)
     # Representative plastic strain 0.033 of this cone: Dao et al. (2001).
@@ -308,7 +308,8 @@ def _recovery_estimate(config: Config) -> float:
 def _without_step_error(k: np.ndarray, values: np.ndarray) -> tuple[float, float]:
     """Return the limit of values (m,) at rows k (m,) for short increments, and its relative error.
 
-    The values are a line in 1/k; the error is the standard deviation of its limit.
+    A line in 1/k is fitted to the values; the error is the standard deviation of the line at 1/k =
+    0.
     """
     coefficients, covariance = np.polyfit(1.0 / k, values, 1, cov=True)
     limit = float(coefficients[1])
@@ -316,7 +317,10 @@ def _without_step_error(k: np.ndarray, values: np.ndarray) -> tuple[float, float
 
 
 def _unloading(xi: np.ndarray, y: np.ndarray) -> tuple[float, np.ndarray]:
-    """Return the recovery, and the forces at RECOVERY_FRACTIONS of it, from rows (m,)."""
+    """Return the recovery, and the forces at the fractions RECOVERY_FRACTIONS of the recovery.
+
+    They are interpolated from rows xi, y (m,).
+    """
     from scipy.interpolate import CubicSpline
 
     in_contact = y > 1e-3

@@ -34,7 +34,7 @@ class LoopForwardModel(ForwardModel):
     Raises
     ------
     ConfigError
-        If the scene is not a cone on a half-space, or a key is another one.
+        If the scene is not a cone on a half-space, or a key is none of these parameters.
     """
 
     def __init__(self, config: Config, varied_keys: Sequence[str], max_depth: float):
@@ -50,7 +50,7 @@ class LoopForwardModel(ForwardModel):
 
     @property
     def follows_loop(self) -> bool:
-        """True: the force of unloading differs from that of loading."""
+        """True: the forces of unloading and of loading are different."""
         return True
 
     @property
@@ -179,7 +179,7 @@ class LoopForwardModel(ForwardModel):
         return np.zeros(len(x))
 
     def unloading_errors(self, theta: np.ndarray, x: np.ndarray, branch: np.ndarray) -> np.ndarray:
-        """Return the errors (2, n) of the force due to those of stiffness and recovery."""
+        """Return the errors (2, n) of the force due to errors of stiffness and recovery."""
         E, loop = self.loop(theta)
         step = 1e-3
         force = self._unloading(E, loop, x)

@@ -1,8 +1,8 @@
 """Assessment of a fit: adequacy of the model, and stated intervals of the parameters.
 
-A scene does not explain a curve if the residuals have a trend, if the value changes with the depth
-range of the fit, if the contact is noisier than the baseline, or if another model is better. The
-interval is then widened until it contains the values of those fits.
+A scene does not explain a curve if the residuals have a trend, if the parameters change with the
+depth range of the fit, if the contact is noisier than the baseline, or if another model is better.
+The interval is then widened until it contains the values of those fits.
 """
 
 from __future__ import annotations
@@ -170,7 +170,7 @@ class ModelAssessment:
 
     @property
     def is_identifiable(self) -> bool:
-        """True if every parameter is known to a factor of three and not at a bound of its range."""
+        """True if every parameter is known to a factor of three and is not at a bound."""
         keys = range(self.estimate.model.coordinate_count)
         # A parameter whose factor of uncertainty is larger is not identifiable.
         max_identifiable_factor = 3.0
@@ -265,7 +265,7 @@ def find_residual_trend(estimate: Estimate) -> ResidualTrend:
 def trend_cosines(x: np.ndarray, contact_point: np.ndarray, depth: np.ndarray) -> np.ndarray:
     """Return eight cosines (..., 8, n) over the contact, 0 before it.
 
-    They begin 0.35 depths before first contact, and end at the deepest sample.
+    The cosines begin 0.35 depths before first contact, and end at the deepest sample.
 
     Parameters
     ----------
@@ -286,8 +286,8 @@ def trend_cosines(x: np.ndarray, contact_point: np.ndarray, depth: np.ndarray) -
 def _snap_in_probability(force: np.ndarray) -> float:
     """Return the probability that the largest drop between two samples (n,) is noise.
 
-    The samples are in order of depth, and the median of their changes gives the noise. Slow noise
-    hides the attraction around a snap-in, but not the drop itself.
+    The samples are in order of depth, and the noise follows from the median of the changes between
+    samples. Slow noise hides the attraction around a snap-in, but not the drop itself.
     """
     changes = np.diff(force)
     # Standard deviation of a normal distribution over the median of its absolute value.
@@ -317,8 +317,9 @@ def _exponent_derivative(model: CurveModel, p: np.ndarray) -> np.ndarray:
 def baseline_noise_probability(estimate: Estimate) -> float | None:
     """Return the probability that the contact contradicts the baseline by chance.
 
-    The contact is noisier than the baseline, or has moved it away from the samples out of contact.
-    The probability is the smaller one of both; None if the baseline is too short.
+    The contact contradicts the baseline if it is noisier, or if it has moved the baseline away from
+    the samples out of contact. The smaller probability of the two is returned; None if the baseline
+    is too short.
     """
     model = estimate.model
     r = estimate.residual

@@ -1,10 +1,10 @@
 """Intervals by profile likelihood: for each fixed value of a parameter, all others are refitted.
 
-Over a wide interval the sum of squares is not a quadratic function of a parameter. With
-Q(v) = min r'V^-1 r/s2 at the value v, the interval is where Q(v) - Q < (1.96 f)^2; f is the
-standard deviation averaged over all noise models, relative to that with the most likely one.
-Example: modulus and Poisson's ratio of a layer with 2 % noise (60 curves); the 95 % intervals of a
-quadratic approximation contained 82 % of the true values, and these intervals 95 %.
+Over a wide interval the sum of squares is not a quadratic function of a parameter. With Q(v) = min
+r'V^-1 r/s2 at the value v, the interval is where Q(v) - Q < (1.96 f)^2; f is the standard deviation
+averaged over all noise models, relative to that with the most likely one. In 60 fits of modulus and
+Poisson's ratio of a layer with 2 % noise, the 95 % intervals of a quadratic approximation contained
+82 % of the true values, and the profile intervals 95 %.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ def profile_end(
     """Return the value at which the profile has risen by `critical_rise`.
 
     If the other parameters cannot be fitted along the profile, the value of the quadratic
-    approximation is returned. The lower end of a work of adhesion that may be next to nothing is 0.
+    approximation is returned. The lower end is 0 for a work of adhesion that may be negligible.
 
     Parameters
     ----------

@@ -31,11 +31,11 @@ class IndentationCycle:
     F
         Forces (n,) [force], > 0 pushing.
     start
-        Row at which unloading starts: the last one of the hold, or that of the largest force.
+        Row at which unloading starts: the last row of the hold, or the row of the largest force.
     end
         First row after unloading.
     hold_start
-        First row of a hold at constant force; None without one.
+        First row of a hold at constant force; None without a hold.
     F_noise, h_noise
         Standard deviations of the scatter of force and depth from row to row; 0 if unknown.
     notes
@@ -68,7 +68,7 @@ class IndentationCycle:
 
     @property
     def creep(self) -> float | None:
-        """Change of depth in the hold, divided by the depth at its beginning; None without one."""
+        """Change of depth in the hold, divided by the depth at its beginning, or None."""
         if self.hold_start is None:
             return None
         h_1 = float(self.h[self.hold_start])
@@ -102,7 +102,7 @@ class IndentationCycle:
 
     @property
     def h_p(self) -> float | None:
-        """Depth at which the force of unloading vanishes [length]; None if it does not."""
+        """Depth at which the force of unloading vanishes [length]; None if it never does."""
         if self._end_of_contact < self.end:
             return self._zero_crossing
         # A force below this fraction of the largest one counts as zero.
@@ -112,7 +112,7 @@ class IndentationCycle:
 
     @property
     def _end_of_contact(self) -> int:
-        """First row of unloading whose force is not positive; `end` if there is none."""
+        """First row of unloading whose force is not positive; `end` if all forces are positive."""
         negative = np.flatnonzero(self.F[self.start : self.end] <= 0)
         return self.start + int(negative[0]) if len(negative) else self.end
 
@@ -256,7 +256,7 @@ class LowForceHold:
     duration
         Duration of the hold [time].
     force_fraction
-        Force of the hold over the largest force.
+        Force of the hold divided by the largest force.
     """
 
     rate: float
@@ -266,7 +266,7 @@ class LowForceHold:
 
 
 def low_force_hold(t: np.ndarray, h: np.ndarray, F: np.ndarray) -> LowForceHold:
-    """Return the hold at low force after the largest force, with the drift of the depth in it.
+    """Return the hold at low force after the largest force, with its drift of the depth.
 
     The first fifth of the hold, in which the sample still recovers, is left out.
 
@@ -308,7 +308,7 @@ def low_force_hold(t: np.ndarray, h: np.ndarray, F: np.ndarray) -> LowForceHold:
 
 
 def _longest_plateau(F: np.ndarray, rows: np.ndarray, scatter: float) -> np.ndarray:
-    """Return the longest run of some rows whose forces stay within a scatter of their median."""
+    """Return the longest run of rows whose forces stay within a scatter of their median."""
     if not len(rows):
         return rows
     # The level at which most forces lie is the middle of the narrowest half-open window of the
@@ -324,9 +324,9 @@ def _longest_plateau(F: np.ndarray, rows: np.ndarray, scatter: float) -> np.ndar
 def noise_of(values: np.ndarray) -> float:
     """Estimate the standard deviation of the white scatter of a smooth sequence of numbers (n,).
 
-    Fourth differences of white noise have sqrt(70) times its standard deviation, and those of a
-    smooth curve nearly vanish; the median ignores the corners of the curve. Returns 0 for fewer
-    than MIN_ROWS_OF_NOISE numbers.
+    The standard deviation of fourth differences of white noise is sqrt(70) times that of the noise,
+    and fourth differences of a smooth curve nearly vanish; the median ignores the corners of the
+    curve. Returns 0 for fewer than MIN_ROWS_OF_NOISE numbers.
     """
     if len(values) < MIN_ROWS_OF_NOISE:
         return 0.0
@@ -350,7 +350,7 @@ def _check_signal(name: str, largest: float, noise: float) -> None:
 
 
 def _hold(F: np.ndarray, peak: int, noise: float) -> tuple[int | None, int]:
-    """Return the first row of a hold at constant force, if any, and the row where it ends.
+    """Return the first row of a hold at constant force (or None) and the row at which it ends.
 
     Without a hold the second number is the row of the largest force.
     """

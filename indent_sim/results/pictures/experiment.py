@@ -32,7 +32,7 @@ EXPERIMENT_PICTURE = "experiment.png"
 def has_elastic_curve(folder: Path, report: Report) -> bool:
     """Return whether a run has an experiment to draw.
 
-    It has rows in experiment.csv, or its history was evaluated on its elastic curve.
+    This is so if experiment.csv has rows, or if the history was evaluated on the elastic curve.
     """
     return (folder / EXPERIMENT).exists() or (report.get("time") or {"way": "steps"}).get(
         "way"

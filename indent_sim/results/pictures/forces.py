@@ -398,9 +398,9 @@ def draw_side_force(axes: Axes, results: Results, side_force: str) -> None:
 
 
 def _loop_begin(x: np.ndarray) -> int | None:
-    """Return the last row at which a closed loop of the slide begins, which ends at the last row.
+    """Return the last row at which a closed loop of the slide begins; it ends at the last row.
 
-    None if the tip has not come back to its last position.
+    The result is None if the tip was not at its last position before.
     """
     span = np.ptp(x)
     same = np.flatnonzero(np.abs(x[:-1] - x[-1]) <= 1e-9 * span)

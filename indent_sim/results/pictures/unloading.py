@@ -18,7 +18,7 @@ TANGENT_COLOUR = "#CC79A7"
 
 
 def imprint_step(results: Results) -> float | None:
-    """Return the step at which the force has become zero; None without such a row."""
+    """Return the step at which the force has become zero; None if there is no such row."""
     if "contact_area" not in results.table or "residual_depth" not in results.table:
         return None
     rows = np.flatnonzero(np.isfinite(results["residual_depth"]))
