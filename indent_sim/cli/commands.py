@@ -464,6 +464,14 @@ def _print_curve_requirements(
     help="Part of the curve; hold: approach and hold; both: approach and retract.",
 )
 @click.option(
+    "--other-tip",
+    "other_tips",
+    multiple=True,
+    metavar="KEY=VALUE",
+    help="Tip of the second curve, e.g. indenter.half_angle=50: the loops of a body that yields, "
+    "one for each tip, are fitted together. Once for each further curve.",
+)
+@click.option(
     "--contact-point",
     type=NumberInRange(),
     metavar="X",
@@ -549,6 +557,11 @@ def fit(
         options.pop(name) for name in ("scene", "design_scene", "noise", "points")
     )
     _refuse_mixed_options(curves, scene, design_scene, noise, points)
+    if design_scene and options["other_tips"]:
+        raise UsageError(
+            "--design takes no --other-tip",
+            "with material.plasticity.hardening.n among the keys it tells what a second cone adds",
+        )
     if design_scene:
         with _quiet_libraries(LOG_LEVELS[verbosity]), raise_on_signals():
             config = load(design_scene, overrides)
@@ -633,6 +646,8 @@ def _fit_map(
     from indent_sim.fitting import map_folder, map_source
 
     request = _fit_request(config, options)
+    if request.other_tips:
+        return None
     reading = _reading_options(options)
     source = map_source.MapSource(curves, reading, options["grid"], options["rows"])
     measured_map = map_source.find_map(source, request, options["as_map"])
@@ -675,7 +690,9 @@ def _fit_request(config: Config, options: Mapping[str, Any]) -> FitRequest:
     has_slope = options["baseline"] == "tilted" and level is None
     origin = OriginOptions(options["contact_point"], has_slope, level)
     keys = keys_of_part(options["keys"], options["segment"])
-    return FitRequest(config, keys, options["segment"], origin, options["models"])
+    return FitRequest(
+        config, keys, options["segment"], origin, options["models"], options["other_tips"]
+    )
 
 
 def _fit_curves(

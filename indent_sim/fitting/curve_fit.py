@@ -105,6 +105,9 @@ class FitRequest:
         Options of the contact point and the baseline.
     models
         Whether alternative models are fitted only when needed, or always.
+    other_tips
+        Keys and values of the tips of the second and further curves, "KEY=VALUE"; all curves are
+        then fitted together.
     """
 
     config: Config
@@ -112,6 +115,7 @@ class FitRequest:
     curve_part: CurvePart = "approach"
     origin: OriginOptions = field(default_factory=OriginOptions)
     models: ModelChoice = "needed"
+    other_tips: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -189,25 +193,31 @@ def fit_curve(curve: MeasuredCurve, request: FitRequest, tables: ForwardModelCac
     start_time = time.process_time()
     try:
         with np.errstate(all="ignore"):
-            converted = convert_to_scene_units(curve, request.config)
-            if request.config.yields:
-                converted = _with_parts_by_force(converted)
-            return _fit_and_assess(
-                converted.part(request.curve_part),
-                request,
-                tables,
-                start_time,
-            )
-    except (FitRejected, ForwardModelUnavailable) as error:
-        return rejected_fit(curve.name, str(error), time.process_time() - start_time)
-    except NoCurve as error:
-        return rejected_fit(curve.name, error.problem, time.process_time() - start_time)
-    except NUMERICAL_ERRORS as error:
-        error_text = " ".join(str(error).split())[:120]
-        reason = (
-            f"the fit failed numerically ({error_text}); check the columns and units of the curve"
-        )
-        return rejected_fit(curve.name, reason, time.process_time() - start_time)
+            return _fit_and_assess(fitted_part(curve, request), request, tables, start_time)
+    except FIT_ERRORS as error:
+        return rejected_fit(curve.name, fit_reason(error), time.process_time() - start_time)
+
+
+# Errors of a curve that cannot be fitted.
+FIT_ERRORS = (FitRejected, ForwardModelUnavailable, NoCurve, *NUMERICAL_ERRORS)
+
+
+def fit_reason(error: Exception) -> str:
+    """Return the reason for which a curve was rejected, of one of FIT_ERRORS."""
+    if isinstance(error, FitRejected | ForwardModelUnavailable):
+        return str(error)
+    if isinstance(error, NoCurve):
+        return error.problem
+    error_text = " ".join(str(error).split())[:120]
+    return f"the fit failed numerically ({error_text}); check the columns and units of the curve"
+
+
+def fitted_part(curve: MeasuredCurve, request: FitRequest) -> MeasuredCurve:
+    """Return the part of a curve that is fitted, in the units of the scene."""
+    converted = convert_to_scene_units(curve, request.config)
+    if request.config.yields:
+        converted = _with_parts_by_force(converted)
+    return converted.part(request.curve_part)
 
 
 def _with_parts_by_force(curve: MeasuredCurve) -> MeasuredCurve:
@@ -268,7 +278,8 @@ def _fit_and_assess(
         raise NoCurve("no column of time, which a viscoelastic or poroelastic scene needs")
     errors: tuple[float, ...] = ()
     if config.yields:
-        estimate = _fit_loop(config, request, samples, tables)
+        estimate = fit_loop(config, request, samples, tables)
+        reject_outside_range(estimate)
     elif needs_time_stepping(config):
         estimate = _fit_along_path(config, request, samples, tables)
     else:
@@ -277,9 +288,19 @@ def _fit_and_assess(
     assessment = _assess_model(
         add_profile_intervals(estimate), config, request.models, tables, errors
     )
+    return curve_result(curve.name, assessment, config, tuple(notes), start_time)
+
+
+def curve_result(
+    name: str,
+    assessment: ModelAssessment,
+    config: Config,
+    notes: tuple[str, ...],
+    start_time: float,
+) -> CurveFit:
+    """Return the result for a curve, with its entry and the data of its picture."""
     return CurveFit(
-        _report_entry(curve.name, assessment, config, tuple(notes), start_time),
-        _plotted_curve(assessment),
+        _report_entry(name, assessment, config, notes, start_time), _plotted_curve(assessment)
     )
 
 
@@ -369,7 +390,7 @@ def _fit_adhesive_load_curve(
     )
 
 
-def _fit_loop(
+def fit_loop(
     config: Config, request: FitRequest, samples: Samples, tables: ForwardModelCache
 ) -> Estimate:
     """Fit the loading and unloading of a body that yields.
@@ -378,8 +399,6 @@ def _fit_loop(
     ------
     ConfigError
         If the part of the curve is not a loop.
-    FitRejected
-        If the fit leaves the range of materials that is tabulated.
     """
     if request.curve_part not in ("approach", "both"):
         raise ConfigError(
@@ -397,8 +416,13 @@ def _fit_loop(
     forward_model = tables.forward_model(
         config, request.varied_keys, max_contact_depth(samples, config)
     )
+    return fit_model(forward_model, samples, request.origin)
+
+
+def reject_outside_range(estimate: Estimate) -> None:
+    """Raise FitRejected if the fit leaves the range of materials that is tabulated."""
+    forward_model = estimate.model.forward_model
     assert isinstance(forward_model, LoopForwardModel)
-    estimate = fit_model(forward_model, samples, request.origin)
     ratio = forward_model.metal(estimate.theta).ratio
     low, high = forward_model.ratio_bounds
     if not low < ratio < high:
@@ -406,7 +430,6 @@ def _fit_loop(
             f"E/yield_stress = {ratio:.3g} is outside the range of {low:g} to {high:g} in which "
             "loops are tabulated: check units, half angle and frame compliance"
         )
-    return estimate
 
 
 def _fit_along_path(
@@ -700,7 +723,7 @@ def _report_entry(
     contact_point = {"value": estimate.contact_point, "low": estimate.contact_point - half_width}
     ratios = {
         parameter.key: ratio
-        for parameter, ratio in zip(parameters, width_inflation_factors(estimate), strict=True)
+        for parameter, ratio in zip(parameters, _width_factors(assessment), strict=True)
     }
     rise = estimate.max_force
     n = len(estimate.model.samples)
@@ -731,6 +754,8 @@ def _report_entry(
         "tied": ratios,
         "words": _summary(assessment, config),
     }
+    if assessment.together:
+        entry |= {"together": {"p": assessment.together.p_together}}
     entry |= {
         "hertz": _hertz_comparison(assessment, config),
         "model_error": forward_model.relative_error,
@@ -739,6 +764,13 @@ def _report_entry(
         "warnings": [*notes, *_warnings(assessment), *_scale_warnings(estimate, config)],
         "seconds": time.process_time() - start_time,
     }
+
+
+def _width_factors(assessment: ModelAssessment) -> list[float]:
+    """Return each interval's width divided by its width if all other parameters were known."""
+    if assessment.together:
+        return assessment.together.width_factors
+    return width_inflation_factors(assessment.estimate)
 
 
 def _fixed_numbers(config: Config, forward_model: ForwardModel) -> dict[str, float]:
@@ -959,7 +991,7 @@ def _summary(assessment: ModelAssessment, config: Config) -> str:
         _parameter_sentence(assessment, k, config)
         for k in range(assessment.estimate.model.coordinate_count)
     ]
-    sentences += [tied] if (tied := _hardening_sentence(assessment.estimate)) else []
+    sentences += [tied] if (tied := _hardening_sentence(assessment)) else []
     if assessment.is_adequate:
         return " ".join([*sentences, "Nothing in the curve contradicts the scene."])
     better_names = ", ".join(model.name for model in assessment.better_models)
@@ -973,8 +1005,9 @@ def _summary(assessment: ModelAssessment, config: Config) -> str:
     )
 
 
-def _hardening_sentence(estimate: Estimate) -> str:
+def _hardening_sentence(assessment: ModelAssessment) -> str:
     """Return a sentence if one loop does not separate yield stress and hardening, else ""."""
+    estimate = assessment.estimate
     keys = estimate.model.forward_model.varied_keys
     if not {YIELD_STRESS_KEY, HARDENING_KEY} <= set(keys):
         return ""
@@ -982,6 +1015,11 @@ def _hardening_sentence(estimate: Estimate) -> str:
     covariance = estimate.uncertainty.covariance[np.ix_(pair, pair)]
     scale = math.sqrt(covariance[0, 0] * covariance[1, 1])
     correlation = float(covariance[0, 1]) / scale if scale > 0 else -1.0
+    if assessment.together:
+        return (
+            f"The correlation of yield_stress and n is {correlation:.3f} with the loops of all "
+            "tips together."
+        )
     return (
         "One cone does not determine yield_stress and n separately (correlation "
         f"{correlation:.3f}): a loop with another half angle, or of a sphere, does."
@@ -1085,4 +1123,5 @@ def request_identity(request: FitRequest) -> Mapping[str, Any]:
     origin = {name: value for name, value in vars(request.origin).items() if name != "slope"}
     if origin["level"] is None:
         origin.pop("level")
+    record |= {"other_tips": list(request.other_tips)} if request.other_tips else {}
     return record | {"origin": origin, "models": request.models}

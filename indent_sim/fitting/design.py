@@ -43,6 +43,7 @@ from indent_sim.fitting.inference.estimate import (
     Samples,
     standard_deviation,
 )
+from indent_sim.fitting.inference.joint_estimate import JointNoise, joint_model
 from indent_sim.fitting.inference.model_assessment import (
     Interval,
     ModelAssessment,
@@ -445,10 +446,7 @@ def _evaluate_change(
 def _second_cone(
     measurement: _PlannedMeasurement, estimate: Estimate, points: int, tables: ForwardModelCache
 ) -> DesignImprovement:
-    """Return the intervals if a loop with another cone is measured as well.
-
-    The information of both loops about the parameters is added.
-    """
+    """Return the intervals if a loop with another cone is measured and fitted together."""
     # A sharp cone has larger representative strains than the usual 70.3 degrees; both are tabulated
     # in the literature.
     sharp = 50.0
@@ -464,8 +462,11 @@ def _second_cone(
         estimates = (estimate, other.expected_estimate(points, noise_force))
     except ForwardModelUnavailable as error:
         return DesignImprovement(change, {}, str(error))
-    information = sum(np.linalg.pinv(_coordinate_covariance(one)) for one in estimates)
-    deviations = np.sqrt(np.diag(np.linalg.pinv(information)))
+    curves = [one.p for one in estimates]
+    model = joint_model([one.model for one in estimates], curves)
+    noise = JointNoise((WHITE, WHITE), (noise_force**2, noise_force**2), model.lengths)
+    p = model.joined_parameters(estimate.theta, curves)
+    deviations = np.sqrt(np.diag(model.covariance(p, noise)))[: model.coordinate_count]
     intervals = {}
     for parameter, theta, sd in zip(
         measurement.forward_model.parameters, estimate.theta, deviations, strict=True
@@ -474,21 +475,6 @@ def _second_cone(
         ends = parameter.value(float(low)), parameter.value(float(high))
         intervals[parameter.key] = Interval(parameter.value(float(theta)), *ends)
     return DesignImprovement(change, intervals)
-
-
-def _coordinate_covariance(estimate: Estimate) -> np.ndarray:
-    """Return the covariance (k, k) of theta by noise, and by the errors of the tabulated loops."""
-    model = estimate.model
-    J = model.jacobian(estimate.p)[:, model.is_free]
-    inverse = np.linalg.pinv(J.T @ J)
-    k = model.coordinate_count
-    covariance: np.ndarray = estimate.uncertainty.s2 * inverse[:k, :k]
-    force = model.contact_force(estimate.p)
-    errors = (model.forward_model.relative_error * force, *model.unloading_errors(estimate.p))
-    for error in errors:
-        shift = (inverse @ (J.T @ error))[:k] / NORMAL_95
-        covariance = covariance + np.outer(shift, shift)
-    return covariance
 
 
 def _sufficient_baseline(

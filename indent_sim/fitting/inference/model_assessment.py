@@ -23,6 +23,7 @@ from indent_sim.fitting.inference.estimate import (
     samples_out_of_contact,
     standard_deviation,
 )
+from indent_sim.fitting.inference.joint_estimate import JointEstimate
 from indent_sim.fitting.inference.noise import (
     NORMAL_95,
     average_over_noise,
@@ -68,6 +69,8 @@ class ModelAssessment:
         Other models of the curve.
     systematic_half_widths : tuple of float
         Half widths (k,) of the intervals of theta due to mesh and calibration, added in quadrature.
+    together : JointEstimate, optional
+        The fit of several curves together, whose part this one is.
     """
 
     estimate: Estimate
@@ -76,6 +79,7 @@ class ModelAssessment:
     p_baseline: float | None
     alternatives: list[AlternativeModel] = field(default_factory=list)
     systematic_half_widths: tuple[float, ...] = ()
+    together: JointEstimate | None = None
 
     @property
     def better_models(self) -> list[AlternativeModel]:
@@ -87,9 +91,10 @@ class ModelAssessment:
         """Reasons why the scene does not explain the curve; empty if it does.
 
         Each entry is the name of a significantly better model, or "shape" (the residuals have a
-        trend), "window" (the parameters depend on the depth range) or "baseline" (the residuals in
+        trend), "window" (the parameters depend on the depth range), "baseline" (the residuals in
         contact are noisier than those of the baseline, or the fit moves the baseline away from the
-        samples out of contact). Residuals at the level of round-off are not a reason.
+        samples out of contact) or "tips" (the curves of several tips contradict each other).
+        Residuals at the level of round-off are not a reason.
         """
         # Residuals below this fraction of the largest force are round-off, as of a
         # simulated curve.
@@ -104,6 +109,7 @@ class ModelAssessment:
             "shape": self.p_shape < MIN_SHAPE_P,
             "window": is_depth_dependent,
             "baseline": is_noisy,
+            "tips": self.together is not None and self.together.p_together < MIN_SHAPE_P,
         }
         return [
             *(model.name for model in self.better_models),

@@ -406,7 +406,8 @@ def _refuse_relaxation(cycle: IndentationCycle) -> None:
     recovery = float(h[0] - h[half])
     slope = float(F[0] - F[half]) / recovery if recovery > 0 else 0.0
     tolerance = 4 * cycle.h_noise + 1e-4 * cycle.h_max
-    last = int(np.flatnonzero(h >= h[0] - tolerance)[-1])
+    # With noise the largest force may come before the deepest row.
+    last = int(np.flatnonzero(h >= h.max() - tolerance)[-1])
     fall = float(F[0] - F[last])
     # Fraction of the force that may be lost, in addition to the decrease by unloading within the
     # tolerance of the depth.

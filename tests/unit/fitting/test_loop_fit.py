@@ -207,7 +207,7 @@ def test_the_design_of_a_loop() -> None:
     second = hard.helps[-1]
     assert second.change == {"and indenter.half_angle": 50.0}
     one, both = (result[HARDENING_KEY] for result in (hard.parameters, second.parameters))
-    assert both.high - both.low < 0.8 * (one.high - one.low)
+    assert both.high - both.low < 0.9 * (one.high - one.low)
     assert hard.tied[HARDENING_KEY] > 5
 
 

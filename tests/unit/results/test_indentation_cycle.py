@@ -166,6 +166,17 @@ def test_a_small_relaxation_is_accepted() -> None:
     indentation_cycle(*relaxing(loop(FUSED_SILICA), 0.01))
 
 
+def test_a_peak_before_the_deepest_row_is_no_relaxation() -> None:
+    """Noise of 0.5 % makes an earlier row the largest; a metal recovers by 2 % of the depth."""
+    h = np.concatenate([np.linspace(0.0, 1.0, 300), 1.0 - 0.02 * np.linspace(0.0, 1.0, 200)])
+    F = np.concatenate([h[:300] ** 2, np.linspace(1.0, 0.0, 200) ** 1.3])
+    F[296] = 1.001
+    noise = 2e-3 * np.random.default_rng(0).standard_normal(len(F))
+    noise[296] = 0.0
+    cycle = indentation_cycle(h, np.minimum(F + noise, 1.001))
+    assert cycle.start == 296 and cycle.end == 500
+
+
 def test_unloading_must_reach_the_fitted_part() -> None:
     cycle = indentation_cycle(*noisy(loop(FUSED_SILICA, last=0.6), 0.0))
     assert len(cycle.h[cycle.upper_part(0.7, 0.98)]) > 50
