@@ -413,6 +413,12 @@ class TiltedTip(_Tip):
         """Return radius and rounding width [length] of each slope discontinuity."""
         return (self.equivalent_tip() or self.tip).slope_discontinuities()
 
+    @property
+    def touching_radius(self) -> float:
+        """Distance of the lowest point from the axis of the tip [length]."""
+        r, _ = _touching_point(self.tip, self.tilt)
+        return float(r)
+
     def radius_scale(self, r: float) -> float | None:
         """Return the radius of curvature of the upright tip with equal sections, if it is round."""
         return (self.equivalent_tip() or self.tip).radius_scale(r)

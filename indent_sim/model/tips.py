@@ -136,6 +136,11 @@ class _Tip:
         """Return radius and rounding width [length] of each slope discontinuity."""
         return []
 
+    @property
+    def touching_radius(self) -> float:
+        """Distance of the lowest point from the axis of the tip [length]."""
+        return 0.0
+
     def radius_scale(self, r: float) -> float | None:
         """Return the radius of curvature that characterizes the tip up to the radius r [length].
 

@@ -221,8 +221,20 @@ class ErrorBars:
         # np.max, unlike max, returns NaN if any of its arguments is NaN.
         return (
             float(np.max([estimate, min_error, edge, discontinuity_error]))
-            + self._sizes.corner_error * force
+            + self._corner_error(state) * force
         )
+
+    def _corner_error(self, state: State) -> float:
+        """Return the relative error of the force due to the elements at corners.
+
+        The corners of a soft tip change its part of the depth, the `tip_sink`.
+        """
+        tip_scene = self._scene.tip_scene
+        if tip_scene is None or state.tip_sink is None or state.delta <= 0:
+            return self._sizes.corner_error
+        tip_share = state.tip_sink / state.delta
+        body_error = self._sizes.corner_error * (1 - tip_share)
+        return body_error + tip_scene.sizes.corner_error * tip_share
 
     def _jkr_adhesive_force(self, state: State) -> float:
         """Return the adhesive part of the contact force in the JKR limit [force], >= 0.
