@@ -194,7 +194,7 @@ class Surrogate:
             return np.column_stack([coordinate.at(values) for coordinate in self.coordinates])
 
     def _is_inside(self, values: Mapping[str, np.ndarray], points: np.ndarray) -> np.ndarray:
-        """Return for each point whether it is inside the range."""
+        """Return for each point whether it is inside the sampled range."""
         is_inside = self._zonotope.contains(points)
         for powers, logarithm in self.constant:
             with np.errstate(all="ignore"):
@@ -278,7 +278,7 @@ def read_surrogate(path: Path | str) -> Surrogate:
     Raises
     ------
     UsageError
-        The file is not one of a surrogate, or it is damaged.
+        If the file does not contain a surrogate, or is damaged.
     """
     path = Path(path)
     try:

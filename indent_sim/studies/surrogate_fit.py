@@ -329,7 +329,7 @@ def _target(surrogate: Surrogate, table: RunTable) -> np.ndarray:
 
 
 def _held_out(count: int) -> np.ndarray:
-    """Return a mask of the runs that are held out of the fit: a random fifth of them."""
+    """Return a mask of the runs that are held out of the fit, a random fifth of all runs."""
     seed = 20261127
     # Share of the runs that is held out of the fit to measure the error.
     held_out_share = 0.2
@@ -339,7 +339,7 @@ def _held_out(count: int) -> np.ndarray:
 def _errors(
     surrogate: Surrogate, keys: Mapping[str, np.ndarray], column: np.ndarray
 ) -> dict[str, Any]:
-    """Return the error at held-out runs: quantiles, and a bound of one of them."""
+    """Return the error at held-out runs: quantiles, and a bound of one of the quantiles."""
     computed = surrogate({key: values for key, values in keys.items() if key in surrogate.ranges})
     scale = np.abs(column) if surrogate.is_logarithmic else np.abs(column).max()
     errors = np.sort(np.abs(computed - column) / scale)
