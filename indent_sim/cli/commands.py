@@ -1026,7 +1026,7 @@ def plot(paths: tuple[Path, ...], output: Path | None, **given_options: Any) -> 
 def _plot_map(folder: Path, output: Path | None, options: dict[str, Any]) -> None:
     """Plot panels of a fitted map."""
     from indent_sim.config.scene_file import config_from_mapping
-    from indent_sim.fitting import map_folder, map_picture
+    from indent_sim.fitting import map_picture, unfinished_map
     from indent_sim.results.pictures import figures
 
     if unused_options := [name for name in options if name not in ("what", "dpi", "pixel")]:
@@ -1036,7 +1036,7 @@ def _plot_map(folder: Path, output: Path | None, options: dict[str, Any]) -> Non
         )
     if "pixel" in options:
         return _plot_pixel(folder, output, options)
-    map_fit = map_folder.read_map(folder)
+    map_fit = unfinished_map.read_fitted_curves(folder)
     panels = options.get("what", ())
     if output is None:
         output = folder / f"{'-'.join(panels) or 'map'}.png"

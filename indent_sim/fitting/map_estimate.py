@@ -127,7 +127,7 @@ def fit_map(
     thicknesses = _set_thickness(passes, scene, thickness)
     passes.run(FITTED_WITH_NOISE, progress.noise)
     noise = progress.noise
-    map_fit = _map_fit(scene, fitter.fits, noise, thicknesses)
+    map_fit = map_fit_of_curves(scene, fitter.fits, noise, thicknesses)
     sample = _fit_sample(passes, scene, thicknesses, tables)
     entry = _entry(scene, map_fit, fitter.fits, sample, cpu_time() - start_time)
     return replace(map_fit, entry=entry), [fit for _, fit in sample]
@@ -254,10 +254,22 @@ def _is_bare_base(fitter: MapFitter, scene: MapScene) -> np.ndarray:
     return is_base
 
 
-def _map_fit(
+def map_fit_of_curves(
     scene: MapScene, fits: PixelFits, noise: PooledNoise, thicknesses: np.ndarray | None
 ) -> MapFit:
-    """Return values and stated intervals, and reject curves with wide intervals."""
+    """Return values and stated intervals, and reject curves with wide intervals.
+
+    Parameters
+    ----------
+    scene
+        The map.
+    fits
+        Fits of its curves.
+    noise
+        Noise of the map.
+    thicknesses
+        Thickness of each curve (N,) [length], if it differs.
+    """
     request = scene.request
     image = scene.curves.image
     parameter = scene.forward_model.parameters[0]

@@ -9,8 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.fitting.curve_fit import FitRequest, cantilever_stiffness_si
 from indent_sim.fitting.fit_folder import ReadOptions
+from indent_sim.fitting.inference.estimate import OriginOptions
 from indent_sim.fitting.inference.pooled_noise import MIN_BASELINES
 from indent_sim.process.errors import UsageError
 from indent_sim.results.measured.curve_file import curve_files, read_curves
@@ -98,6 +100,17 @@ def source_of_record(record: Mapping[str, Any]) -> MapSource:
             f"{name} has another size than the file to which the map was fitted", remedy, str(name)
         )
     return source
+
+
+def request_of_record(record: Mapping[str, Any]) -> FitRequest:
+    """Return the settings of a fit that `request_identity` has described."""
+    return FitRequest(
+        config_from_mapping(record["scene"]),
+        tuple(record["vary"]),
+        record["part"],
+        OriginOptions(**record["origin"]),
+        record["models"],
+    )
 
 
 def find_map(source: MapSource, request: FitRequest, choice: bool | None) -> MeasuredMap | None:
