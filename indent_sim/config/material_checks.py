@@ -282,7 +282,8 @@ def _shear_relaxation_errors(
             )
             yield ConfigError(
                 f"{key}.relaxation.of",
-                f"{law.model} has an energy whose shear part depends on the volume",
+                f"is not available for {law.model}, because the shear part of its energy depends "
+                "on the volume",
                 f"use {alternative_law}",
             )
     if config.experiment and config.experiment.frequencies:

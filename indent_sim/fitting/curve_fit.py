@@ -427,8 +427,8 @@ def reject_outside_range(estimate: Estimate) -> None:
     low, high = forward_model.ratio_bounds
     if not low < ratio < high:
         raise FitRejected(
-            f"E/yield_stress = {ratio:.3g} is outside the range of {low:g} to {high:g} in which "
-            "loops are tabulated: check units, half angle and frame compliance"
+            f"E/yield_stress = {ratio:.3g} is outside the range of {low:g} to {high:g} for "
+            "which loading and unloading are tabulated: check units, half angle and frame compliance"
         )
 
 

@@ -838,7 +838,7 @@ def _pile_up_warnings(fit: UnloadingFit) -> list[str]:
 
 
 def _tip_rounding_warnings(curve: _TestCurve, area: AreaFunction, h_c: float) -> list[str]:
-    """Return a warning if the rounded apex of a usual pyramid would change the area."""
+    """Return a warning if the apex of a worn pyramid (150 nm) increases the area by 1 % or more."""
     if not curve.has_units or curve.results is not None or area.tip not in (Berkovich(), Vickers()):
         return []
     # Apex radius [m] of a pyramid that has been used for a while.
