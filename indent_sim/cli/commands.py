@@ -621,7 +621,7 @@ def _refuse_mixed_options(
 def _print_design(
     config: Config, keys: tuple[str, ...], noise: float, points: int, output_format: OutputFormat
 ) -> None:
-    """Print the intervals to expect from a measurement of a scene."""
+    """Print the parameter intervals that are expected from a measurement of a scene."""
     from indent_sim.fitting import design
 
     measurement_design = design.design_measurement(config, keys, noise, points)

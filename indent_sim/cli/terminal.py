@@ -161,7 +161,7 @@ def _onset_lines(report: Report) -> list[str]:
 
 
 def _final_row_lines(outcome: Outcome) -> list[str]:
-    """Return the lines of the last row and, after unloading, of hysteresis and largest force."""
+    """Return lines on the last row and, after unloading, on hysteresis and largest force."""
     from indent_sim.run.summary import row_of_interest
     from indent_sim.run.work_and_loops import hysteresis_loop
 

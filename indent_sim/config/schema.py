@@ -249,7 +249,7 @@ def file_order(kind: Any) -> tuple[str, ...]:
 
 @cache
 def _file_order(kind: Any) -> tuple[str, ...]:
-    """Return `file_order`, cached; mypy does not regard every class as hashable."""
+    """Return the result of `file_order` from a cache; mypy regards not every class as hashable."""
     tags = [
         name
         for name in TAG_KEYS & set(field_names(kind))

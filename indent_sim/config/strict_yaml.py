@@ -118,7 +118,10 @@ class _EventReader:
         return value
 
     def node(self, event: Any, events: Iterator[yaml.Event], path: KeyPath) -> Any:
-        """Return the value that begins with an event: a scalar, a list or a mapping."""
+        """Return the value that begins with an event of the YAML parser.
+
+        The value is a scalar, a list or a mapping.
+        """
         self.lines.setdefault(path, event.start_mark.line + 1)
         max_values = 200_000
         if len(self.lines) > max_values:

@@ -200,7 +200,7 @@ def _move_onto_spheres(
 ) -> None:
     """Move the midpoints of edges on spherical surfaces and layer interfaces onto the sphere.
 
-    Those on an ellipsoid are moved in the coordinates in which it is a sphere.
+    Midpoints on an ellipsoid are moved in coordinates in which the ellipsoid is a sphere.
 
     Parameters
     ----------

@@ -574,7 +574,7 @@ def _remove_spring(config: Config) -> Config:
 def _shared_forward_model(
     config: Config, keys: tuple[str, ...], samples: Samples, tables: ForwardModelCache
 ) -> ForwardModel:
-    """Return the forward model up to a rounded depth, so that curves of similar depth share it.
+    """Return the forward model up to a rounded depth, which curves of similar depths share.
 
     If the scene is not valid at that depth, the model extends slightly beyond the depth of the
     curve.
@@ -595,7 +595,10 @@ def rounded_depth(depth: float) -> float:
 
 
 def adhesive_contact_depth(samples: Samples, config: Config) -> float:
-    """Return the largest depth of an adhesive curve [length], from its snap-in if that is clear."""
+    """Return the largest depth of an adhesive curve [length], measured from a clear snap-in.
+
+    Without a clear snap-in the depth is estimated as for curves without adhesion.
+    """
     side = sides_of(samples.x) if samples.branch is None else np.abs(samples.branch)
     touch = find_jumps(samples.x, samples.force, side).touch
     if touch is None:
@@ -641,7 +644,7 @@ def _assess_model(
     tables: ForwardModelCache,
     errors: tuple[float, ...] = (),
 ) -> ModelAssessment:
-    """Assess a fit; `errors` (k,) are further errors of theta."""
+    """Assess a fit; `errors` (k,) are further systematic errors of the transformed parameters."""
     forward_model = estimate.model.forward_model
     depth_ranges = fit_depth_ranges(estimate)
     residual_trend = find_residual_trend(estimate)

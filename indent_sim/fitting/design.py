@@ -300,7 +300,7 @@ def _evaluate_design(config: Config, keys: Sequence[str], noise: float, points: 
 def _plan_measurement(
     config: Config, keys: tuple[str, ...], tables: ForwardModelCache
 ) -> _PlannedMeasurement:
-    """Return the measurement along the path of a scene, up to the last time of largest depth."""
+    """Return the measurement along the path of a scene until the last time at the largest depth."""
     for key in keys:
         number_at(config, key)
     if config.loading.force_history:
@@ -480,7 +480,7 @@ def _second_cone(
 def _sufficient_baseline(
     measurement: _PlannedMeasurement, points: int, noise_force: float
 ) -> float:
-    """Return the shortest sufficient baseline at the same sample spacing."""
+    """Return the shortest baseline that is sufficient; the spacing of the samples is unchanged."""
     points_per_depth = points / (1.0 + BASELINE_DEPTHS)
 
     def deviations(baseline: float) -> np.ndarray:

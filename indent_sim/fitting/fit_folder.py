@@ -134,7 +134,7 @@ class CurveFits:
 
 @dataclass(frozen=True)
 class _FitTask:
-    """Curve to be fitted, with the paths of its output and the identity of its file."""
+    """Curve to be fitted, with the paths of its output and the `source` of its entry."""
 
     curve: MeasuredCurve
     directory: Path
@@ -368,7 +368,7 @@ def _json_roundtrip(record: Mapping[str, Any]) -> Any:
 def _read_curves(
     files: Sequence[Path], request: FitRequest, reading: ReadOptions, writer: _Writer
 ) -> Iterator[tuple[MeasuredCurve | CurveFit, Entry]]:
-    """Yield the curves that have no entry yet; a file without curves is a rejected curve."""
+    """Yield the curves without an entry; a file without curves yields one rejected curve."""
     used_names: set[str] = set()
     for file in files:
         curves: Sequence[MeasuredCurve | CurveFit]
@@ -400,7 +400,7 @@ def _read_curves(
 def _curve_or_rejection(
     curves: Sequence[MeasuredCurve | CurveFit], index: int, file: Path
 ) -> MeasuredCurve | CurveFit:
-    """Return a curve of a file; a damaged curve of a map is a rejected curve."""
+    """Return a curve of a file; if a curve of a map is damaged, return it as a rejected curve."""
     try:
         return curves[index]
     except NoCurve as error:

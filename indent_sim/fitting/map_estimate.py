@@ -143,7 +143,7 @@ class _Passes:
     tell: ReportLine
 
     def run(self, stage: int, noise: PooledNoise | None) -> None:
-        """Fit the blocks that have not reached a stage."""
+        """Fit the blocks whose fits have not yet reached a stage."""
         blocks = self.progress.unfinished(self.fitter, stage)
         done = self.fitter.count - sum(map(len, blocks))
         last_told = time.monotonic()
@@ -176,7 +176,7 @@ def _estimate_noise(fitter: MapFitter) -> PooledNoise:
 def _set_thickness(
     passes: _Passes, scene: MapScene, thickness: Thickness | None
 ) -> np.ndarray | None:
-    """Give the fitter the thickness of each curve (N,) after the first pass, and return it.
+    """Set the thickness of each curve (N,) in the fitter after the first pass, and return it.
 
     A thickness that follows from the contact points is computed twice, since the first pass finds
     them for a body of uniform thickness.
@@ -324,7 +324,7 @@ def _fit_sample(
     thicknesses: np.ndarray | None,
     tables: ForwardModelCache,
 ) -> list[tuple[int, CurveFit]]:
-    """Fit curves one by one: half of them at random, half with the largest misfit."""
+    """Fit a sample of the curves one by one: half at random, half with the largest misfit."""
     progress = passes.progress
     indices = _sample_indices(passes.fitter.fits)
 

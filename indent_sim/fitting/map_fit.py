@@ -246,7 +246,7 @@ class MapModel:
         return self.forward_model.max_depth
 
     def curve_model(self, curves: np.ndarray, samples: Samples) -> CurveModel:
-        """Return the model of some curves."""
+        """Return the fitting model of some of the map's curves."""
         model = self.forward_model
         if self.load_curves is not None and self.rows is not None:
             model = model.replace_load_curves(self.load_curves, self.rows[curves])
@@ -280,7 +280,7 @@ class MapFitter:
         return [np.arange(first, min(first + BLOCK_SIZE, self.count)) for first in firsts]
 
     def state(self, curves: np.ndarray) -> dict[str, np.ndarray]:
-        """Return the results of some curves, by name."""
+        """Return the results of some curves as arrays by name."""
         return {
             f"{part}.{name}": values[curves]
             for part, results in (("fits", self.fits), ("initial", self.initial))
@@ -585,8 +585,8 @@ def _fit_depth_range(
 ) -> DepthRangeFits:
     """Fit the samples up to a fraction of the depth.
 
-    The difference of the two estimates is (D_part - D) r for the noise r, with D as in the module;
-    the variance of the difference follows from this. D_part is zero outside the part.
+    The difference of the two estimates is (D_part - D) r for the noise r, with D as in the module,
+    from which the variance of the difference follows. D_part is zero outside the part.
     """
     x = model.samples.x
     b, n = x.shape

@@ -71,7 +71,7 @@ class MapSource:
 
 
 def source_of_record(record: Mapping[str, Any]) -> MapSource:
-    """Return the source that `MapSource.record` has described.
+    """Return the source from its description, which `MapSource.record` made.
 
     Raises
     ------

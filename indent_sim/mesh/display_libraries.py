@@ -1,7 +1,8 @@
 """Import of gmsh on Linux machines without the display libraries of X and GL.
 
-The gmsh of PyPI is linked against the libraries of its window, which meshing never calls, and
-cannot be loaded without them. Each missing one is replaced by an empty library of the same name.
+The gmsh of PyPI is linked against the libraries of its graphical window, which meshing never calls,
+and cannot be loaded without them. Each missing one is replaced by an empty library of the same
+name.
 """
 
 from __future__ import annotations
@@ -111,7 +112,7 @@ def _load_lazily(path: str) -> None:
 
 
 def _load_library(name: str, mode: int, function: str = "") -> None:
-    """Load an almost empty library, by whose name the loader recognizes it from then on."""
+    """Load an almost empty library, to which later requests of its name then refer."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / name
         path.write_bytes(library_bytes(name, ELF_MACHINES[platform.machine()], function))

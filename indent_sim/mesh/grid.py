@@ -242,7 +242,7 @@ def unit_normals(corners: np.ndarray) -> np.ndarray:
 
 
 def sort_and_match_rows(table: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the order (k,) that sorts rows, and if each sorted row equals the next (k - 1,)."""
+    """Return the order (k,) that sorts rows, and where a sorted row equals the next (k - 1,)."""
     order = np.lexsort(table.T)
     return order, (table[order[1:]] == table[order[:-1]]).all(axis=1)
 

@@ -128,7 +128,10 @@ class Side:
         return atan2(up, right)
 
     def _offset(self, x: Any, y: Any) -> tuple[Any, Any]:
-        """Return the offset of points from the center of the circle that is stretched [length]."""
+        """Return the offset of points from the center of the arc [length].
+
+        The vertical component is divided by `stretch`, so that the arc becomes a circle.
+        """
         assert self.center is not None
         return x - self.center[0], (y - self.center[1]) / self.stretch
 

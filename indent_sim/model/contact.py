@@ -195,7 +195,10 @@ class Penalty(_NormalStiffness):
 
     @property
     def reason_not_condensable(self) -> str:
-        """Reason of the base class, or friction, which prevents condensation with a penalty."""
+        """Reason why the law cannot be solved on a condensed body; "" if it can.
+
+        The reason may be friction, which the condensed solver does not support with a penalty.
+        """
         friction_reason = (
             "" if self.is_conservative else "the condensed solver has no penalty with friction"
         )

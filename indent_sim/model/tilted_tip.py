@@ -151,9 +151,10 @@ class TiltedTip(_Tip):
         )
 
     def space_coordinates(self, points: Any) -> Any:
-        """Return points (n, 3) of the frame of the tip in space, relative to the origin [length].
+        """Return points (n, 3), given in the frame of the tip, in coordinates of space [length].
 
-        z is the height above the lowest point.
+        The horizontal coordinates are relative to the origin; z is the height above the lowest
+        point.
         """
         cos_tilt = cos(self.tilt)
         sin_tilt = sin(self.tilt)
@@ -319,7 +320,7 @@ class TiltedTip(_Tip):
         """Return the upright tip with equal sections at every height; None if no such tip exists.
 
         Sections are equal in area, in plane strain (`dim` 2) in width. For rounded tips it is a
-        tip that is equal near its apex and far from it.
+        tip that agrees with this tip near its apex and far from it.
         """
         tau = float(tan(self.tilt))
         T = float(tan(getattr(self.tip, "half_angle", 0.0)))
@@ -405,12 +406,18 @@ class TiltedTip(_Tip):
         return float((self.equivalent_tip() or self.tip).radius_at(depth))
 
     def slope(self, r: Expr) -> Expr:
-        """Return the slope of the upright tip with equal sections."""
+        """Return the slope of the upright tip whose horizontal sections have the same areas."""
         return (self.equivalent_tip() or self.tip).slope(r)
 
     def slope_discontinuities(self) -> list[tuple[float, float]]:
         """Return radius and rounding width [length] of each slope discontinuity."""
         return (self.equivalent_tip() or self.tip).slope_discontinuities()
+
+    @property
+    def touching_radius(self) -> float:
+        """Distance of the lowest point from the axis of the tip [length]."""
+        r, _ = _touching_point(self.tip, self.tilt)
+        return float(r)
 
     def radius_scale(self, r: float) -> float | None:
         """Return the radius of curvature of the upright tip with equal sections, if it is round."""

@@ -136,6 +136,11 @@ class _Tip:
         """Return radius and rounding width [length] of each slope discontinuity."""
         return []
 
+    @property
+    def touching_radius(self) -> float:
+        """Distance of the lowest point from the axis of the tip [length]."""
+        return 0.0
+
     def radius_scale(self, r: float) -> float | None:
         """Return the radius of curvature that characterizes the tip up to the radius r [length].
 
@@ -503,7 +508,7 @@ class Plate(_FlatTip):
         return inf
 
     def radius_scale(self, r: float) -> None:
-        """Return None: a plane has no size."""
+        """Return None, because a plane has no size."""
         return None
 
     def characteristic_strain(self, delta: float, a: float) -> tuple[float, str]:

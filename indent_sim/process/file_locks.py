@@ -68,7 +68,7 @@ if sys.platform == "win32":
         )
 
     def _system_lock(descriptor: int, shared: bool, wait: bool) -> None:
-        """Lock one byte far beyond the end of the file, which other processes can then read."""
+        """Lock one byte far beyond the end of the file, so that the file can still be read."""
         import msvcrt
 
         error_lock_violation = 33

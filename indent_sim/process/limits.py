@@ -70,7 +70,7 @@ def require_resources() -> None:
 def _require_limit(
     resource_name: str, command: str, limit: str, required: float, unit: float = 1.0
 ) -> None:
-    """Raise BackendError if a limit is below `required`; `command` is the shell command for it."""
+    """Raise BackendError if a limit is below `required`; the shell `command` raises the limit."""
     allowed = soft_limit(limit) / unit
     if allowed < required:
         raise BackendError(

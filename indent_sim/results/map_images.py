@@ -42,7 +42,7 @@ def gwyddion_field(
 
 
 def tiff_image(values: np.ndarray, size: tuple[float, float] | None, unit: str) -> bytes:
-    """Return an image of 32-bit floating-point numbers as TIFF, with ImageJ's width of a pixel.
+    """Return an image of 32-bit floating-point numbers as TIFF, with pixel sizes for ImageJ.
 
     Parameters
     ----------

@@ -240,7 +240,7 @@ def report_of(path: Path) -> Report:
 
 
 def _is_result_table(path: Path) -> bool:
-    """Return whether a file has the columns of a force table, or cannot be read."""
+    """Return whether a file has the columns of a force table; True if the file cannot be read."""
     return "step" in header_of(path) or not path.is_file()
 
 

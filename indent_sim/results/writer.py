@@ -277,7 +277,7 @@ class ResultFolder:
                     (self.path / name).unlink(missing_ok=True)
 
     def save_checkpoint(self, saved: Checkpoint, identity: Report) -> None:
-        """Save the last equilibria for `--resume`; a full disk is ignored, as they are optional."""
+        """Save the last equilibria for `--resume`; nothing is saved if the disk is full."""
         with defer_signals(), suppress(OSError):
             checkpoint.write(self.path / CHECKPOINT, saved, identity)
 

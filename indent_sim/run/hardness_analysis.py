@@ -464,7 +464,7 @@ def _frame_compliance(curve: _TestCurve, options: HardnessOptions) -> float:
 
 
 def _number(key: str, text: str, dimension: str, units: Mapping[str, str]) -> float:
-    """Return an option as a number in the units of the curve."""
+    """Return the value of an option as a number in the units of the curve."""
     value = convert_quantity(key, text, dimension, units if _has_units(units) else {})
     if not isfinite(value):
         raise ConfigError(key, f"'{text}' is not a finite number")
@@ -528,7 +528,7 @@ def _exponent_error(fit: UnloadingFit) -> float:
 
 
 def _epsilon(text: str, m: float) -> tuple[float, str]:
-    """Return the factor epsilon, and its description."""
+    """Return the factor epsilon of the Oliver-Pharr method, and its description."""
     if text == "m":
         epsilon = oliver_pharr.epsilon_of_exponent(max(m, 1.0))
         return epsilon, f"{epsilon:.4g}, of the exponent m"
@@ -807,10 +807,10 @@ def _fit_warnings(cycle: IndentationCycle, fit: UnloadingFit) -> list[str]:
 
 
 def _creep_warnings(creep: CreepRate | None, fit: UnloadingFit) -> list[str]:
-    """Return a warning if the sample still creeps so fast that unloading looks stiffer.
+    """Return a warning if creep at the end of the hold makes the measured stiffness too large.
 
-    1/S = 1/S_elastic - (dh/dt)/|dF/dt| if the creep goes on: Feng & Ngan (2002), J. Mater. Res. 17,
-    660.
+    If the creep continues in unloading, 1/S = 1/S_elastic - (dh/dt)/|dF/dt|: Feng & Ngan (2002),
+    J. Mater. Res. 17, 660.
     """
     change = 0.0 if creep is None else creep.relative_stiffness * fit.stiffness
     # A smaller change is below the accuracy of the method.

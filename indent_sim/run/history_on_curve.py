@@ -123,7 +123,7 @@ class HistoryResult:
 
 
 def _scale_numbers(numbers: Mapping[str, Any], units: Mapping[str, float]) -> dict[str, Any]:
-    """Return numbers, also in nested dictionaries, multiplied by the unit of their name."""
+    """Return numbers, also in nested dictionaries, multiplied by the units of their names."""
     scaled: dict[str, Any] = {}
     for name, value in numbers.items():
         if isinstance(value, dict):
@@ -609,5 +609,5 @@ def _elastic_curve(samples: list[tuple[float, float, float]]) -> ElasticCurve:
 
 
 def _contact_entry(contact: AdhesiveContact) -> dict[str, float]:
-    """Return the entry of a contact for run.json."""
+    """Return the entry of run.json that describes the contact."""
     return {"delta": contact.delta, "force": contact.force}

@@ -263,7 +263,7 @@ class SimulationDriver:
         return outcome
 
     def _resolve_scene(self, elements: float | None) -> Scene:
-        """Return the scene with a given or the default number of elements in the contact radius."""
+        """Return the scene with `elements` in the contact radius; None for the default number."""
         # A given scene is not reused with an imported mesh: its file may have changed since.
         if elements is None and self._scene is not None and self._imported_mesh is None:
             return self._scene
@@ -359,7 +359,7 @@ class SimulationDriver:
         )
 
     def _try_remedies(self, scene: Scene, failed: State, iterations: int) -> str:
-        """Try remedies for a path that ended early; return a text on how far it goes with each.
+        """Try remedies for a path that ended early; return a text with the results.
 
         The text is empty if there is no remedy, or if several processes solve the scene.
         """

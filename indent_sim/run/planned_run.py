@@ -102,7 +102,7 @@ class PlannedRun:
 
 
 def plan_with_cost(config: Config, error_bars: bool = False) -> PlannedRun:
-    """Plan a run with its auxiliary runs; raise ConfigError with all errors of the config."""
+    """Plan a run with its auxiliary runs; if the config has errors, raise them all together."""
     try:
         return PlannedRun.resolve(config).add_estimation_cost(error_bars)
     except ConfigError as error:

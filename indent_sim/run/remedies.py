@@ -27,7 +27,7 @@ SolveStates = Callable[[Scene], Iterator[State]]
 
 @dataclass(frozen=True)
 class Remedy:
-    """Keys of the scene with their changed values [user's units], and the config with these."""
+    """Keys of the scene with their changed values [user's units], and the changed config."""
 
     values: dict[str, float]
     config: Config

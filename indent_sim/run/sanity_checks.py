@@ -276,7 +276,7 @@ def _check_energy(scene: Scene, state: State, earlier: PreviousRows) -> str | No
 
 
 def _check_force_growth(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
-    """Check that the force does not fall with the depth, within the error bars."""
+    """Check that the force does not decrease with increasing depth, within the error bars."""
     last = earlier.last
     if earlier.slide_distance + earlier.slide_increment(state) > 0:
         return None  # the force at one depth may change as the tip slides
@@ -433,7 +433,7 @@ def _check_dissipation_growth(scene: Scene, state: State, earlier: PreviousRows)
 
 
 def _check_force_follows_depth(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
-    """Check that the force of a body that yields falls only if the depth does, and vice versa."""
+    """Check that force and depth of a body that yields increase and decrease together."""
     last = earlier.last
     if not scene.physics.yields or last is None or earlier.slide_increment(state) > 0:
         return None

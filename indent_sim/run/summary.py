@@ -163,7 +163,7 @@ def adhesion_entry(
 
 
 def _pull_off_entry(pull_off: PullOff) -> dict[str, Any]:
-    """Return the entry of a pull-off for run.json."""
+    """Return the entry of run.json that describes a pull-off."""
     return {
         "delta": pull_off.state.delta,
         "force": pull_off.state.force,

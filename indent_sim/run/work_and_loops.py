@@ -117,7 +117,7 @@ def hysteresis_loop(states: Sequence[State]) -> HysteresisLoop | None:
 
 
 def _rows_beyond(rows: list[tuple[float, float]], depth: float) -> list[tuple[float, float]]:
-    """Return the rows from the first crossing of a depth, with an interpolated row there."""
+    """Return a row interpolated where a depth is first crossed, and the rows after it."""
     first = next(i for i, (row_depth, _) in enumerate(rows) if row_depth >= depth)
     (depth_before, force_before), (depth_after, force_after) = rows[first - 1 : first + 1]
     fraction = (depth - depth_before) / (depth_after - depth_before)
@@ -125,5 +125,5 @@ def _rows_beyond(rows: list[tuple[float, float]], depth: float) -> list[tuple[fl
 
 
 def _work(begin: tuple[float, float], end: tuple[float, float]) -> float:
-    """Return the work of a force that is linear between two pairs of depth and force."""
+    """Return the work of a force between two points of depth and force, linear between them."""
     return (end[0] - begin[0]) * (begin[1] + end[1]) / 2

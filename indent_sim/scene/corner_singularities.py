@@ -9,11 +9,18 @@ elements of the size h change the force by a multiple of h^(2 lambda) (Williams 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import exp, inf
+from math import exp, inf, log
 
 from indent_sim.mesh.model_domain import ModelDomain, Side
 from indent_sim.model.units import round_length
-from indent_sim.scene.measured_constants import CORNER_ERROR, DECAY_ONSET, DECAY_RATE, NOTCH_ERROR
+from indent_sim.scene.measured_constants import (
+    CORNER_ERROR,
+    CORNER_LOGARITHM,
+    DECAY_ONSET,
+    DECAY_RATE,
+    NOTCH_ERROR,
+    PLANE_STRAIN_DECAY_RATE,
+)
 
 # Exponent 2 lambda of the error of the force.
 SINGULARITY_RATE = 1.2
@@ -97,6 +104,19 @@ def corners(
     ]
 
 
+def _load_share(a: float, distance: float, is_plane_strain: bool) -> float:
+    """Return the error by a corner at a distance [length], relative to that of a wide contact.
+
+    With the force F of a contact of radius a the energy of the body is F^2/(E a), that near the
+    corner F^2/(E distance). In plane strain they are F^2 log(distance/a)/E and F^2/E.
+    """
+    if a >= distance:
+        return 1.0
+    if is_plane_strain:
+        return 1 / (1 + CORNER_LOGARITHM * log(distance / a))
+    return a / distance
+
+
 def _base_edge_corners(domain: ModelDomain, arc: Side, a: float, nu: float) -> list[Corner]:
     """Return the stress singularity at the rim of the base of a cap or ball; empty if negligible.
 
@@ -136,18 +156,24 @@ def _side_corners(
     min_gap_fraction = 0.02
     gap = max(r - a, min_gap_fraction * r if edge is None else 0.0)
     side_corners = []
-    decay = exp(-DECAY_RATE * max(gap / height - DECAY_ONSET, 0.0))
+    is_plane_strain = domain.kinematics.name == "plane_strain"
+    decay_rate = PLANE_STRAIN_DECAY_RATE if is_plane_strain else DECAY_RATE
+    decay = exp(-decay_rate * max(gap / height - DECAY_ONSET, 0.0))
     corner_error = CORNER_ERROR * (2 * nu) ** 2 * decay
     if (domain.supports["base"], side) == ("fixed", "free"):
         distance = min(r, height)
-        side_corners.append(Corner(r, height, distance, corner_error * min(a / distance, 1.0)))
+        error_constant = corner_error * _load_share(a, distance, is_plane_strain)
+        side_corners.append(Corner(r, height, distance, error_constant))
     if gap > 0:
         distance = min(gap, height)
         # Gap between contact and side, in contact radii, below which the free surface in
         # it is narrower than the elements of the contact.
         narrow_gap = 0.3
         is_narrow_gap = gap < narrow_gap * a and edge is None
-        error_constant = corner_error * min(a / distance, 1.0) if side == "fixed" else 0.0
+        is_singular = side == "fixed"
+        error_constant = (
+            corner_error * _load_share(a, distance, is_plane_strain) if is_singular else 0.0
+        )
         if error_constant or is_narrow_gap:
             side_corners.append(Corner(r, 0.0, distance, error_constant, is_narrow_gap))
     return side_corners

@@ -1,4 +1,4 @@
-"""The problem with the prescribed history as its load path, and its time steps."""
+"""Load path of a problem that follows the prescribed history, with its time steps."""
 
 from __future__ import annotations
 

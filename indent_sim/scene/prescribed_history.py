@@ -1,4 +1,4 @@
-"""Properties of a prescribed history that the problem setup needs: depth, modulus, steps."""
+"""Properties of a prescribed history for the setup of the problem: depth, modulus and steps."""
 
 from __future__ import annotations
 

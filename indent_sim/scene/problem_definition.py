@@ -473,7 +473,7 @@ class ProblemDefinition:
 
     @property
     def is_linear(self) -> bool:
-        """True if strains are small, the gap is at the undeformed point, and nothing yields."""
+        """True if strains are small, the gap refers to undeformed points, and nothing yields."""
         return self.small_strain and self.gap == "reference" and not self.yields
 
     def solver_work(self, method: str, linear: str) -> SolverWork:

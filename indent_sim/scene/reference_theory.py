@@ -140,7 +140,7 @@ def _soft_tip_theory(theory: Theory, lens: Lens | SoftCylinder, body: Body) -> T
 def _add_soft_tip(theory: Theory, lens: Lens | SoftCylinder) -> Theory | None:
     """Return the theory of a layer under a soft tip, which is also treated as a flat layer.
 
-    None in plane strain.
+    The result is None in plane strain.
     """
     rigid = theory.contact
     if isinstance(rigid, ContactsInSeries):

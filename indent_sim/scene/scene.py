@@ -50,7 +50,12 @@ from indent_sim.scene.problem_setup import ProblemSetup, set_up_problem, truncat
 from indent_sim.scene.resolution import MeshResolution
 from indent_sim.scene.sizing import END_FRACTION
 from indent_sim.scene.slide import check_slide, check_slide_sizes, slide_choices
-from indent_sim.scene.soft_tip import check_soft_tip, soft_tip_choices, soft_tip_config
+from indent_sim.scene.soft_tip import (
+    check_soft_tip,
+    refine_tip_corners,
+    soft_tip_choices,
+    soft_tip_config,
+)
 from indent_sim.scene.time_prediction import TimePrediction, time_prediction
 from indent_sim.theory.solution import Solution
 from indent_sim.theory.theory import Theory
@@ -373,6 +378,13 @@ def resolve(
     return _meshed_scene(config, truncate_body(config, setup), per_radius)
 
 
+def _soft_tip_scene(config: Config, setup: ProblemSetup, sizes: Sizes) -> Scene:
+    """Return the scene of the elastic part of a soft tip."""
+    tip_scene = resolve(soft_tip_config(config, setup, sizes))
+    refined_sizes = refine_tip_corners(tip_scene.sizes, tip_scene.physics)
+    return replace(tip_scene, sizes=refined_sizes)
+
+
 def _theory_scene(config: Config, setup: ProblemSetup, solver: Choice) -> Scene:
     """Return a scene that is solved by theory; its sizes are distances between surface points."""
     physics = setup.physics
@@ -457,7 +469,7 @@ def _meshed_scene(config: Config, setup: ProblemSetup, per_radius: float | None)
         *choices.formulations(setup),
     )
     is_soft = physics.indenter.elastic_part is not None
-    tip_scene = resolve(soft_tip_config(config, setup, sizes)) if is_soft else None
+    tip_scene = _soft_tip_scene(config, setup, sizes) if is_soft else None
     if tip_scene and solver.value == "newton":
         work = physics.solver_work("newton", "direct")
         cost = add_tip_cost(cost, cost_of(tip_scene.sizes, tip_scene.physics.domain, work))

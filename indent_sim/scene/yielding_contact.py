@@ -97,7 +97,7 @@ class YieldingContact:
         return max(elastic, min(a, self.rim, max_radius(self.tip)))
 
     def force(self, delta: float) -> float:
-        """Return the expected force at a depth [pressure length^2], at most the elastic one.
+        """Return the expected force at a depth [pressure length^2], at most the elastic force.
 
         If the tip touches the whole top, the force is not known, and infinity is returned.
         """
@@ -110,7 +110,7 @@ class YieldingContact:
         return min(plastic, self.elastic_force(delta))
 
     def elastic_force(self, delta: float) -> float:
-        """Return the force of an elastic body at a depth; infinite if it is not known."""
+        """Return the force of an elastic body at a depth; infinite if the force is not known."""
         solution = self.theory.solution_at_depth(delta) if self.theory else None
         if solution:
             return solution.force

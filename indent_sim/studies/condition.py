@@ -98,7 +98,7 @@ def parse_condition(text: str) -> Condition:
 
 
 def _tokens(text: str) -> list[str]:
-    """Return the numbers, keys and signs of a text."""
+    """Split a text into tokens: numbers, keys and signs."""
     tokens = []
     position = 0
     while position < len(text.rstrip()):
@@ -118,7 +118,7 @@ class _Parser:
         self.keys: list[str] = []
 
     def next_is(self, *signs: str) -> bool:
-        """Return whether the next token is one of some signs."""
+        """Return whether the next token is one of the given signs."""
         return bool(self.tokens) and self.tokens[0] in signs
 
     def take(self) -> str:

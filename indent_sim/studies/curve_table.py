@@ -90,7 +90,7 @@ class CurveGroups:
 
 
 def distinguishing_labels(values: Sequence[object]) -> list[str]:
-    """Return the values of a varied key as text; of sections only the entries that differ."""
+    """Return the values of a varied key as text; for sections only the entries that differ."""
     shared_entries = _common_entries(values)
     return [_value_label("", value, shared_entries).strip() for value in values]
 

@@ -86,7 +86,7 @@ def _power_text(key: str, power: Fraction) -> str:
 
 
 def _preferred_order(dimensions: Mapping[str, Dimension]) -> list[str]:
-    """Return the keys in the order of their elimination: moduli, sizes of the tip, others."""
+    """Return the keys in the order of their elimination: moduli, tip sizes, all other keys."""
 
     def rank(key: str) -> int:
         _, force, time = dimensions[key]

@@ -38,7 +38,7 @@ COMPARED_QUANTILE = 0.95
 
 @dataclass(frozen=True)
 class _Candidate:
-    """Coordinates of a polynomial, the ratios of its degrees in them, and its number of terms."""
+    """Candidate polynomial: its coordinates, the ratios of its degrees, and its number of terms."""
 
     coordinates: tuple[Coordinate, ...]
     ratios: tuple[float, ...]
@@ -55,9 +55,10 @@ def fit_polynomial(
 ) -> Surrogate:
     """Return the surrogate with coordinates and a polynomial that are fitted to runs.
 
-    Coordinates in which one group is multiplied by a power of another are compared by the error of
-    runs that are left out of the fit, each with its best stretches and degrees: all of them with a
-    polynomial of few terms, and the best ones with more terms.
+    Several sets of coordinates are tried, in which one group is multiplied by a power of another.
+    Each set is fitted with its best stretches and degrees, and the sets are compared by the error
+    of runs that are left out of the fit. All sets are compared with polynomials of few terms, and
+    the best ones again with more terms.
 
     Parameters
     ----------
@@ -86,7 +87,7 @@ class _Search:
         self._target = target
 
     def resized(self, candidate: _Candidate, terms: int) -> _Candidate:
-        """Return a candidate with a number of terms, or as many as the runs can determine."""
+        """Return a copy of a candidate with `terms` terms, or as many as the runs can determine."""
         return replace(candidate, terms=max(1, min(terms, len(self._target) // ROWS_PER_TERM)))
 
     def refine(self, best: _Candidate) -> _Candidate:
@@ -178,7 +179,7 @@ def _index_tuples_of(ratios: tuple[float, ...], terms: int) -> np.ndarray:
 
 
 def _with_coordinate(candidate: _Candidate, i: int, coordinate: Coordinate) -> _Candidate:
-    """Return a candidate with another i-th coordinate."""
+    """Return a copy of a candidate with another i-th coordinate."""
     coordinates = candidate.coordinates
     return replace(candidate, coordinates=(*coordinates[:i], coordinate, *coordinates[i + 1 :]))
 

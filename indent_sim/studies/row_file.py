@@ -146,7 +146,7 @@ class RowFile:
         return RunRow(fields["settings"], fields["physics"], cells, curve)
 
     def _text(self, fields: Mapping[str, Any], name: str) -> bytes:
-        """Return one text of a row; empty if its position is outside the file."""
+        """Return a text that is stored for a row; empty if its position is outside the file."""
         start = fields[f"{name}_start"]
         return self._maps["texts"][start : start + fields[f"{name}_length"]].tobytes()
 
@@ -341,7 +341,7 @@ class RowIndex:
         return self._position("settings", settings, is_finished=True) is not None
 
     def find_physics(self, physics: int) -> RunRow | None:
-        """Return a finished row of the same physics; None if there is no such row."""
+        """Return the row of a finished run with the same physics; None if there is no such row."""
         return self._find("physics", physics, is_finished=True)
 
     def settings_of(self, physics: int) -> set[int]:

@@ -422,7 +422,10 @@ def _common_holds(holds: Holds) -> list[HoldRelaxation]:
 def _draw_over_number(
     axes: Axes, curve_groups: CurveGroups, key: str, styles: Sequence[PlotStyle], holds: Holds
 ) -> None:
-    """Draw the representative force of every run, or the half-time in its hold, over a number."""
+    """Draw the representative force or half-time of every run over a varied number.
+
+    The half-time is that of the force relaxation in the hold of the run.
+    """
     values, label = representative_values(curve_groups, "force")
     common_holds = _common_holds(holds)
     if common_holds:

@@ -193,7 +193,7 @@ class Surrogate:
             return np.column_stack([coordinate.at(values) for coordinate in self.coordinates])
 
     def _is_inside(self, values: Mapping[str, np.ndarray], points: np.ndarray) -> np.ndarray:
-        """Return for each point whether it is inside the range."""
+        """Return for each point whether it is inside the sampled range."""
         is_inside = self._zonotope.contains(points)
         for powers, logarithm in self.constant:
             with np.errstate(all="ignore"):

@@ -30,7 +30,7 @@ class Zonotope:
 
     @cached_property
     def _normals(self) -> np.ndarray:
-        """Normals of the facets; (facets, d)."""
+        """Normals (facets, d) of the facets."""
         normals = [np.eye(len(self.center))]
         # Largest number of facets of a zonotope; with more of them only its bounding box is used.
         max_facets = 2000
@@ -40,7 +40,7 @@ class Zonotope:
         return np.vstack(normals)
 
     def contains(self, points: np.ndarray) -> np.ndarray:
-        """Return for each point (rows, d) whether it is inside."""
+        """Return for each point (rows, d) whether it is inside the zonotope."""
         largest = np.abs(self._generators @ self._normals.T).sum(axis=0)
         distances = np.abs((points - self.center) @ self._normals.T)
         return np.asarray((distances <= largest * (1 + TOLERANCE)).all(axis=1))

@@ -128,7 +128,7 @@ class ContactCurve(ABC):
 
     @staticmethod
     def interpolation_variable(a: Sizes) -> Sizes:
-        """Return the variable of interpolation (a function of the contact size a)."""
+        """Return the variable of interpolation, a function of the contact size a."""
         return a
 
     @staticmethod
@@ -604,7 +604,8 @@ def _coefficients(values: np.ndarray) -> np.ndarray:
 def _tail_ratio(coefficients: np.ndarray) -> float:
     """Return the ratio of the last coefficients to the largest one of their column.
 
-    The coefficients are (sizes, columns), and the largest ratio of all columns is returned.
+    The coefficients have the shape (sizes, columns), and the largest ratio of all columns is
+    returned.
     """
     sizes = np.abs(coefficients)
     return float((sizes[-TAIL_COEFFICIENTS:].max(axis=0) / sizes.max(axis=0)).max())

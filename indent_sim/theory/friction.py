@@ -116,7 +116,7 @@ def _punch(beta: float, friction: float) -> FrictionalPunch:
 
 @dataclass(frozen=True)
 class Rings:
-    """Rings between the edges x (n + 1,), and the Abel integrals over them."""
+    """Rings between edges (n + 1,), and the Abel integrals over the rings."""
 
     ring_edges: np.ndarray
 

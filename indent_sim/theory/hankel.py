@@ -50,13 +50,15 @@ class Kernel:
         return np.vstack([cosines, hyperbolic, np.ones((1, x.size))])
 
     def apply_weights(self, values: np.ndarray) -> np.ndarray:
-        """Return weight_j values_j for values (*, modes, n)."""
+        """Multiply the coefficients of the modes (*, modes, n) by the weights of the modes."""
         return self.weight[:, None] * values
 
     def solve_modes(
         self, direct: np.ndarray, projection: np.ndarray, modes_at_points: np.ndarray
     ) -> np.ndarray:
-        """Solve m = direct + projection (modes_at_points m) for modes m (*, modes, n).
+        """Solve m = direct + projection (modes_at_points m) for the coefficients m of the modes.
+
+        The coefficients have the shape (*, modes, n).
 
         The linear system is solved for the values at the points, because near a wall the modes are
         nearly dependent and a system for the modes would lose digits.
@@ -122,13 +124,16 @@ class EvenKernel:
         return chebvander(self._chebyshev_argument(x), len(self.matrix) - 1).T
 
     def apply_weights(self, values: np.ndarray) -> np.ndarray:
-        """Return sum_l matrix_jl values_l for values (*, modes, n)."""
+        """Multiply the coefficients of the modes (*, modes, n) by the matrix of the kernel."""
         return self.matrix @ values
 
     def solve_modes(
         self, direct: np.ndarray, projection: np.ndarray, modes_at_points: np.ndarray
     ) -> np.ndarray:
-        """Solve m = direct + projection (modes_at_points m) for modes m (*, modes, n)."""
+        """Solve m = direct + projection (modes_at_points m) for the coefficients m of the modes.
+
+        The coefficients have the shape (*, modes, n).
+        """
         return np.asarray(
             np.linalg.solve(np.eye(len(self.matrix)) - projection @ modes_at_points, direct)
         )
@@ -222,7 +227,7 @@ def _layer_kernel(max_radius: float, stack: Stack) -> Kernel:
 
 @lru_cache(maxsize=64)
 def _cylinder_kernel(max_radius: float, clearance: float, stack: Stack, wall: float) -> Kernel:
-    """Return the kernel between walls: the half-space integral minus the Dini sum over L.
+    """Return the kernel between walls: the half-space integral minus the Dini sum.
 
     This difference is smooth, so that the integral equation remains of the second kind.
     """

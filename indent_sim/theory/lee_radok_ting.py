@@ -83,7 +83,7 @@ class LeeRadokTing:
         )
 
     def _depth_at(self, t: float, is_after_jump: bool) -> tuple[float, int]:
-        """Return the depth at a time, and the number of the point at the end of the segment."""
+        """Return the depth at a time, and the number of the end point of the current segment."""
         point_count = np.count_nonzero(self._times <= t if is_after_jump else self._times < t)
         if point_count == 0:
             # The tip is at rest before the history begins.

@@ -264,7 +264,7 @@ def _laplace_transform(s: complex, r: float, surface: SurfaceDrainage) -> comple
     )
 
     def kernel(z: np.ndarray) -> np.ndarray:
-        """Return (1/pi) int_0^inf of the subtracted terms times cos kz dk."""
+        """Return 1/pi times the integral over k of the subtracted terms multiplied by cos kz."""
         return root * (first / 2.0 + second / 4.0 * (1.0 + root * z)) * np.exp(-root * z)
 
     def integral(z: np.ndarray) -> np.ndarray:
@@ -301,7 +301,7 @@ def _compliance_deficit(
 def _large_wavenumber_coefficients(
     contrast: float, surface: SurfaceDrainage
 ) -> tuple[float, float]:
-    """Return the first two coefficients of `_compliance_deficit` in powers of s/(k^2 + s)."""
+    """Return two coefficients of the expansion of `_compliance_deficit` in s/(k^2 + s)."""
     if surface == "drained":
         return contrast / 4.0, contrast / 8.0 - contrast**2 / 16.0
     return 3.0 * contrast / 4.0, contrast / 8.0 - 9.0 * contrast**2 / 16.0

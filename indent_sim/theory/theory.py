@@ -71,7 +71,7 @@ class Theory:
         return solutions[0] if solutions else None
 
     def solutions_at_forces(self, forces: Sequence[float]) -> list[Solution] | None:
-        """Return one Solution for each force, or None if one is beyond the range of the theory."""
+        """Return one Solution for each force; None if a force is beyond the range of the theory."""
         with contextlib.suppress(*SOLUTION_ERRORS), np.errstate(all="ignore"):
             return self.contact.solutions_at_forces(forces)
         return None

@@ -143,12 +143,16 @@ class YieldingSolid:
     def strain_ratio(self, slope: float) -> float:
         """Return E tan(beta)/sigma_r, the ratio of imposed strain and elastic strain at yield.
 
-        `slope` is tan(beta).
+        `slope` is tan(beta), and sigma_r is the flow stress at the representative strain 0.2
+        tan(beta).
         """
         return self.E * slope / self.flow_stress(0.2 * slope)
 
     def hardening_exponent(self, slope: float) -> float:
-        """Return d ln sigma/d ln(alpha + sigma_y/E) at sigma_r; n for power-law hardening."""
+        """Return d ln sigma/d ln(alpha + sigma_y/E), which is n for power-law hardening.
+
+        It is evaluated at the representative strain alpha = 0.2 `slope`.
+        """
         alpha = 0.2 * slope
         total = alpha + self.yield_stress / self.E
         return float(self.hardening_modulus(alpha) * total / self.flow_stress(alpha))
@@ -191,7 +195,7 @@ class YieldingSolid:
 
     @property
     def _dao_argument(self) -> float:
-        """Return ln(E*/sigma_0.033)."""
+        """Return ln(E*/sigma_0.033) with the flow stress at a plastic strain of 0.033."""
         return log(self.E_star / self.flow_stress(DAO_STRAIN))
 
     def dao_obstacle(self, half_angle: float) -> str:

@@ -183,7 +183,7 @@ class CondensedContact:
     def _solve_balanced(self) -> bool:
         """Solve for the contact, and for the motion of a body that rests on a flat.
 
-        The spring between body and flat starts from the motion at which it is free of force.
+        The motion at which the forces on tip and flat are equal is found by the secant method.
         """
         algorithm = CONDENSED_ALGORITHMS[self.law.multiplier]
         flat = self.compliance.flat
@@ -316,7 +316,7 @@ class CondensedContact:
 
     @cached_property
     def inverse_mass(self) -> np.ndarray:
-        """Inverse mass matrix M^-1 (n, n) [1/area] of the candidates, with lam = M^-1 F."""
+        """Inverse mass matrix (n, n) of the candidate nodes, from forces to pressures [1/area]."""
         return self.project(np.eye(self.compliance.size))[self.candidates]
 
     def assemble_vector(self, local: np.ndarray) -> np.ndarray:
@@ -521,7 +521,7 @@ class CondensedContact:
 
     @cached_property
     def _pressure_matrices(self) -> tuple[np.ndarray, ...]:
-        """Matrices of the equations for nodal pressures that do not depend on the tip's position.
+        """Arrays of the equations for nodal pressures that do not depend on the tip's position.
 
         They are the numbers of the nodes whose area is not zero, the matrix Q of nodal forces per
         nodal pressure, the areas of these nodes, the compliance Q' C Q of the weighted gaps, and

@@ -131,7 +131,7 @@ class CondensedEquilibrium(Equilibrium):
         return self.scene.physics.domain.symmetry_factor * self.contact.tip_force
 
     def tighten_tolerance(self) -> float:
-        """Return the relative error of a force: round-off, because the solver is direct."""
+        """Return the relative round-off error of a force; the direct solver has no tolerance."""
         return 1e-10
 
     def accept(self) -> float:

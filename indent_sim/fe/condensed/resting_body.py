@@ -9,9 +9,9 @@ surfaces move into the body by
 where C is the compliance of the pinned body and c that of a spring between pin and flat. The rigid
 motion of the body towards the flat is t = t_0 + c s.F. The start t_0 of the spring is moved until
 it has no force, so that the forces on tip and flat are equal (`CondensedContact`). For the contact
-methods there is a single compliance and a single surface. Each contact displaces the other one
-through the compliance, an effect that two contacts in series neglect, which are the limit of
-contacts that are small compared with the body.
+methods there is a single compliance and a single surface. Each contact displaces the
+surface of the other contact through the compliance. The theory of two contacts in series neglects
+this effect; it is the limit of contacts that are small compared with the body.
 """
 
 from __future__ import annotations

@@ -47,7 +47,7 @@ class WholeBody:
         return float(self.strain_energies[0].E_star)
 
     def tip_displacement(self, r: Any) -> Any:
-        """Return the displacement of a soft tip's surface at radii r [length]; else 0."""
+        """Return a soft tip's surface displacement at radii r [length]; 0 for a rigid tip."""
         return 0.0 * r
 
     def find_inverted_elements(self) -> Any:

@@ -96,7 +96,7 @@ def _restore_on_failure(problem: Problem, algorithm: Callable[[], bool]) -> Call
 
 
 def _uzawa_algorithm(newton: Newton, contact: ContactTerms) -> Callable[[], bool]:
-    """Return Uzawa's iteration: Newton's method with a frozen multiplier, then its update.
+    """Return the iteration of Uzawa: a solution with a frozen multiplier, then a multiplier update.
 
     The multiplier is also updated after each of the softer contacts of a continuation.
     """

@@ -129,7 +129,7 @@ class BodyEquilibrium:
         return dissipation
 
     def solve(self, depth: float, dt: float = 0.0, slide: float = 0.0) -> bool:
-        """Solve for the equilibrium at a depth `dt` later, stage by stage.
+        """Solve for the equilibrium at a depth after a time step `dt`, stage by stage.
 
         Parameters
         ----------
@@ -278,7 +278,7 @@ class BodyEquilibrium:
 
     @cached_property
     def _numberings(self) -> list[list[DofNumbering]]:
-        """Numberings of the fields of each array of a state.
+        """Dof numberings of the fields that each array of a state contains.
 
         The arrays are the unknowns, the functions `frozen` of the problem and the internal
         variables, in this order.

@@ -6,9 +6,10 @@ has the dimensionless form
     loading    F = E c h^2,
     unloading  F = E c h_max^2 y(xi),   xi = s (h_max - h)/h_max,
 
-where c and s = S h_max/F_max (S: stiffness at the beginning of unloading) and y depend on the ratio
-of Young's modulus to the yield stress, the hardening exponent, Poisson's ratio and the half angle
-only (Cheng & Cheng 1998, J. Appl. Phys. 84, 1284; Dao et al. 2001, Acta Mater. 49, 3899).
+where c, s = S h_max/F_max (S is the stiffness at the beginning of unloading) and the function y
+depend on the ratio of Young's modulus to the yield stress, the hardening exponent, Poisson's ratio
+and the half angle alone (Cheng & Cheng 1998, J. Appl. Phys. 84, 1284; Dao et al. 2001, Acta Mater.
+49, 3899).
 """
 
 from __future__ import annotations
@@ -190,7 +191,7 @@ def refuse_other_scenes(config: Config, varied_keys: tuple[str, ...]) -> None:
 
 
 class ConeLoopTable:
-    """Loops of a scene over E/yield_stress and the hardening exponent, interpolated from runs.
+    """Load-unload loops as functions of E/yield_stress and the hardening exponent, from runs.
 
     Parameters
     ----------

@@ -166,7 +166,7 @@ class ForwardModel:
 
     @property
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
-        """Lower and upper bounds of the transformed parameters in fits, ordered as varied_keys."""
+        """Lower and upper bounds (p,) of the transformed parameters, in the order of the keys."""
         low, high = (
             zip(*(parameter.bounds for parameter in self.parameters), strict=True)
             if self.parameters
@@ -192,7 +192,7 @@ class ForwardModel:
 
     @property
     def effects(self) -> set[str]:
-        """Effects that the scene has and an alternative model could add: adhesion, relaxation."""
+        """Effects that the scene already has, of those an alternative model can add."""
         has_effect = {"adhesion": self.has_adhesion, "relaxation": self.is_time_dependent}
         return {name for name, is_present in has_effect.items() if is_present}
 

@@ -55,7 +55,7 @@ class LoopForwardModel(ForwardModel):
 
     @property
     def has_analytic_derivatives(self) -> bool:
-        """False: derivatives are central differences."""
+        """False, because the derivatives are computed by central differences."""
         return False
 
     @property
@@ -108,7 +108,7 @@ class LoopForwardModel(ForwardModel):
     ) -> np.ndarray:
         """Return the forces (..., n) at displacements of the base x (..., n).
 
-        Without branches all is loading.
+        Without `branch`, all forces are those of loading.
         """
         if theta.ndim > 1:
             turns = np.broadcast_to(self._turn, len(theta))
@@ -175,7 +175,7 @@ class LoopForwardModel(ForwardModel):
         return lambda delta: loop.loading(E, delta)
 
     def time_step_error(self, theta: np.ndarray, x: np.ndarray, t: np.ndarray | None) -> np.ndarray:
-        """Return 0 (n,): the force does not depend on time."""
+        """Return zeros (n,), because the force does not depend on time."""
         return np.zeros(len(x))
 
     def unloading_errors(self, theta: np.ndarray, x: np.ndarray, branch: np.ndarray) -> np.ndarray:

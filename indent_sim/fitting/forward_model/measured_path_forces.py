@@ -169,10 +169,10 @@ class MeasuredPathForces:
         )
 
     def time_step_error(self, scene: Config, theta: Sequence[float], t: np.ndarray) -> np.ndarray:
-        """Return the difference (n,) of G from half the time step and the interpolated G.
+        """Return the difference (n,) of G between a run with half the time step and interpolation.
 
-        The first one is computed by a run. The difference estimates the error of time
-        discretisation and interpolation; theta are the transformed parameters of the scene.
+        The difference estimates the error of time discretisation and interpolation; theta are the
+        transformed parameters of the scene.
         """
         times = self.path.times
         difference = _force_factors(

@@ -3,8 +3,8 @@
     F_i = b0 + b1 (x_i - mean)/range + f(x_i - c; theta) + noise
 
 Ordinary least squares, followed by one step to the mean over all noise models, gives the
-parameters, and the noise of the residuals their intervals. The step is shortened where it raises
-the residuals, since a noise with a long correlation time hides a systematic misfit.
+parameters. The noise of the residuals gives the intervals of the parameters. The step is shortened
+where it raises the residuals, since a noise with a long correlation time hides a systematic misfit.
 """
 
 from __future__ import annotations
@@ -833,7 +833,7 @@ def samples_out_of_contact(model: CurveModel, p: np.ndarray) -> np.ndarray:
 def _fit_adhesive_tip(
     forward_model: ForwardModel, samples: Samples, origin: OriginOptions
 ) -> Estimate:
-    """Fit a scene with an adhesive tip to a curve, and reject it without a contact."""
+    """Fit a scene with an adhesive tip to a curve; reject a curve on which no contact is found."""
     model, p, weak_sides = fit_adhesive_pilot(forward_model, samples, origin)
     contact_point = float(p[model.coordinate_count])
     near_model = replace(model, samples=samples_near_contact(model.samples, contact_point))

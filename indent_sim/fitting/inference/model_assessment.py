@@ -91,9 +91,10 @@ class ModelAssessment:
         """Reasons why the scene does not explain the curve; empty if it does.
 
         Each entry is the name of a significantly better model, or "shape" (the residuals have a
-        trend), "window" (the parameters depend on the depth range), "baseline" (the contact is
-        noisier than the baseline, or moves it away from its samples) or "tips" (the curves of
-        several tips contradict each other). Residuals at the level of round-off are not a reason.
+        trend), "window" (the parameters depend on the depth range), "baseline" (the residuals in
+        contact are noisier than those of the baseline, or the fit moves the baseline away from the
+        samples out of contact) or "tips" (the curves of several tips contradict each other).
+        Residuals at the level of round-off are not a reason.
         """
         # Residuals below this fraction of the largest force are round-off, as of a
         # simulated curve.

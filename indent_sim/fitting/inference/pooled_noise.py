@@ -94,7 +94,7 @@ class PooledNoise:
 
     @classmethod
     def from_record(cls, record: Mapping[str, Any]) -> PooledNoise:
-        """Return the noise that `as_record` gave; raise KeyError or TypeError for other data."""
+        """Return the noise from data of `as_record`; raise KeyError or TypeError for other data."""
         components = tuple(
             NoiseComponent(part["decay_length"], part["wavelength"] or math.inf)
             for part in record["components"]

@@ -118,7 +118,7 @@ class IndentationCycle:
 
     @property
     def _zero_crossing(self) -> float:
-        """Depth at which the straight line to the first row without force vanishes [length]."""
+        """Depth at which the force vanishes, interpolated linearly [length]."""
         after = self._end_of_contact
         F_before, F_after = self.F[after - 1 : after + 1]
         h_before, h_after = self.h[after - 1 : after + 1]
@@ -193,10 +193,10 @@ class CreepRate:
     value
         Mean rate over the last third of the hold [length/time].
     error
-        Half-width of the 95 % interval by the scatter of the samples [length/time].
+        Half-width of the 95 % interval, from the scatter of the samples [length/time].
     relative_stiffness
-        value S/|dF/dt| for a stiffness S of 1 and the rate of the force at the beginning of
-        unloading [length/force].
+        Ratio of `value` to the rate of the force at the beginning of unloading [length/force].
+        Multiplied by the stiffness S, it is the relative change of S due to creep.
     """
 
     value: float
@@ -205,7 +205,9 @@ class CreepRate:
 
 
 def creep_rate(cycle: IndentationCycle, t: np.ndarray, unloading: slice) -> CreepRate | None:
-    """Return the rate of the depth at the end of the hold; None without a hold or rows in it.
+    """Return the rate of the depth at the end of the hold; None if it is unknown.
+
+    The rate is unknown if the cycle has no hold, or if the hold has too few rows.
 
     Parameters
     ----------
@@ -232,7 +234,7 @@ def creep_rate(cycle: IndentationCycle, t: np.ndarray, unloading: slice) -> Cree
 
 
 def _line(t: np.ndarray, h: np.ndarray) -> tuple[float, float]:
-    """Return the slope of the line through depths (n,) and the half-width of its 95 % interval."""
+    """Return the slope of a regression line and the half-width of its 95 % interval."""
     time = t - t.mean()
     depth = h - h.mean()
     square = float(time @ time)
@@ -392,7 +394,10 @@ def _end_of_unloading(F: np.ndarray, start: int, noise: float) -> int:
 
 
 def _refuse_relaxation(cycle: IndentationCycle) -> None:
-    """Raise UsageError if the force relaxes: falls at a depth that is held or still grows."""
+    """Raise UsageError if the force decreases although the depth is constant or increases.
+
+    This happens if the body relaxes or creeps.
+    """
     rows = slice(cycle.start, cycle.end)
     h = cycle.h[rows]
     F = cycle.F[rows]

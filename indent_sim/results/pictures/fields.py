@@ -166,7 +166,7 @@ class Section:
         return 2 * self.areas <= min_height * longest
 
     def values_in_frame(self, frame: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the values at the points within a frame (left, right, bottom, top), and areas.
+        """Return the values and the areas of the points in a frame (left, right, bottom, top).
 
         The area of a point is a third of the area of its triangles.
         """
@@ -403,7 +403,10 @@ class FieldRow:
         return float(np.ptp(self.frame[2:]) / np.ptp(self.frame[:2]))
 
     def _frame_of_aspect(self, aspect: float) -> np.ndarray:
-        """Return the view with a larger height, extended downwards into the body, then upwards."""
+        """Return the view at a larger aspect ratio, extended downwards first, then upwards.
+
+        Downwards it is extended at most to the bottom of the body.
+        """
         left, right, bottom, top = self.frame
         missing_height = aspect * (right - left) - (top - bottom)
         if missing_height <= 0:

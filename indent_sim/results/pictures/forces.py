@@ -329,7 +329,7 @@ def _draw_theory(axes: Axes, theory: Report, depth: Axis, force: Axis) -> None:
 
 
 def _deviation_text(deviation: float) -> str:
-    """Return the deviation of a formula from this run as text."""
+    """Return as text by how much a formula deviates from this run."""
     percent_text = f"{abs(deviation):.1%}"
     if percent_text == "0.0%":
         return "as this run"

@@ -166,7 +166,10 @@ def _draw_limits(results: Results, panel_axes: dict[str, Axes], legend_axes: Axe
 
 
 def first_visible_time(results: Results) -> float:
-    """Return the first time after 0 with a visible force, or depth if forces are prescribed."""
+    """Return the first time after 0 at which the force is visible.
+
+    If forces are prescribed, it is the first time at which the depth is visible.
+    """
     size = np.abs(
         np.nan_to_num(results["delta" if results.report.get("control") == "force" else "force"])
     )

@@ -529,7 +529,7 @@ class PressureMaps:
 def _mirror_surface(contact: ContactSurface) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return positions and pressures with their mirror images.
 
-    The model may be a half or a quarter of the body.
+    The mirror images are needed if the model domain is a half or a quarter of the body.
     """
     x = contact.x
     y = contact.y

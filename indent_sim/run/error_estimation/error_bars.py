@@ -221,8 +221,20 @@ class ErrorBars:
         # np.max, unlike max, returns NaN if any of its arguments is NaN.
         return (
             float(np.max([estimate, min_error, edge, discontinuity_error]))
-            + self._sizes.corner_error * force
+            + self._corner_error(state) * force
         )
+
+    def _corner_error(self, state: State) -> float:
+        """Return the relative error of the force due to the elements at corners.
+
+        The corners of a soft tip change its part of the depth, the `tip_sink`.
+        """
+        tip_scene = self._scene.tip_scene
+        if tip_scene is None or state.tip_sink is None or state.delta <= 0:
+            return self._sizes.corner_error
+        tip_share = state.tip_sink / state.delta
+        body_error = self._sizes.corner_error * (1 - tip_share)
+        return body_error + tip_scene.sizes.corner_error * tip_share
 
     def _jkr_adhesive_force(self, state: State) -> float:
         """Return the adhesive part of the contact force in the JKR limit [force], >= 0.
@@ -268,7 +280,10 @@ class ErrorBars:
         return regular_sizes.elements_in_contact(state.a / self._scales.length)
 
     def _force_difference(self, step: int) -> float:
-        """Return the difference of the forces on both meshes at the same depth, or NaN."""
+        """Return the difference of the forces on both meshes at the same depth.
+
+        The result is NaN if the coarser run lacks the step.
+        """
         run_states = self._run_states
         coarse_states = self._coarse_states
         if step not in run_states or step not in coarse_states:
@@ -341,7 +356,7 @@ class ErrorBars:
         return abs(state.force - solution.force * self._scales.force) if solution else 0.0
 
     def _depth_error(self, state: State, error: float) -> float | None:
-        """Return the error of a computed depth: error of the force over the load curve's slope.
+        """Return the error of a computed depth: force error divided by the load curve's slope.
 
         The result is None if depths are prescribed, and NaN (unknown) if the force does not
         increase with the depth.
@@ -599,7 +614,7 @@ class ErrorBars:
         return refined_error
 
     def _first_increments_error(self, state: State) -> float:
-        """Return the least error of the force [force] of a body that yields, in its first rows.
+        """Return a lower bound of the force error [force] in the first rows of a body that yields.
 
         There the contact on the coarser mesh has too few elements to show the error of the
         increments. A plate has full contact from the first row on, and before yield there is no
@@ -643,9 +658,9 @@ class ErrorBars:
 
         The error of other results is 0. Halving the increment may not show this error. With the
         relative change c of the contact radius in the increment, which is 1 from no contact, the
-        relative error of the dissipation is c^2. That of the stick radius is the larger one of c
-        and its own relative change; for a stick zone narrower than an element `_unresolved_stick`
-        is added.
+        relative error of the dissipation is c^2. The relative error of the stick radius is the
+        larger one of c and the relative change of the stick radius; for a stick zone narrower than
+        an element `_unresolved_stick` is added.
         """
         previous = self._run_states.get(state.step - 1)
         value = getattr(state, name)

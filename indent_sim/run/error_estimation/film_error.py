@@ -66,7 +66,7 @@ class FilmError:
         return float(self.force_losses @ row.excess_length(heights, self.diffusivity))
 
     def _column_error(self, row: PathRow, state: State, heights: np.ndarray) -> float:
-        """Return the error of a column that deforms only by drainage."""
+        """Return the error of the force on a column that deforms only because fluid drains."""
         drained = row.drained_length(self.diffusivity)
         excess = float(np.max(row.excess_length(heights, self.diffusivity), initial=0.0))
         return abs(state.force) * excess / drained if drained else 0.0

@@ -90,7 +90,10 @@ def _wall_variant(v: SceneVariants, x: float) -> Config:
 
 
 def _largest_inverse_wall_radius(v: SceneVariants) -> float:
-    """Return the inverse radius of the smallest wall in which the tip fits."""
+    """Return the largest inverse radius of a curved wall around the tip [1/length].
+
+    It is infinite unless the tip is a flat punch, which must fit into the wall.
+    """
     # Smallest radius of a wall around a flat punch, relative to that of the punch. At a ratio
     # of 1 the punch compresses the whole body, which is a different problem.
     min_wall_ratio = 1.01

@@ -86,7 +86,7 @@ class TransientVariants(SceneVariants):
 
     @cached_property
     def time_effects(self) -> dict[str, Effect]:
-        """Return the effects "drainage" and "rate", if the body drains or relaxes in shear."""
+        """Return the effect "drainage" of permeable regions and "rate" of relaxing regions."""
         regions: dict[str, Sequence[object]] = {
             "drainage": self.physics.permeable_regions,
             "rate": self.physics.relaxing_regions,
@@ -283,7 +283,7 @@ class TransientVariants(SceneVariants):
         }
 
         def replace_law(law: Material) -> Material:
-            """Return the law in all given limits."""
+            """Return a law in each of the given limits, one after the other."""
             for limit in limits:
                 law = rounded_law(limit_laws[limit](law))
             return law

@@ -130,7 +130,7 @@ def self_similar_force(prospect: PlannedRun, depth: float) -> ElasticForces:
 
 
 def _solve_depths(scene: Scene, depths: np.ndarray) -> list[State]:
-    """Return states at depths, by the condensed body or along the load path of the scene."""
+    """Return the states at the given depths, from the condensed body or along the load path."""
     if scene.solver.method == "condensed":
         return condense(scene).states(deltas=list(map(float, depths)))
     return list(states(scene, with_surface=False))
