@@ -644,10 +644,12 @@ def _fit_map(
 ) -> MapFit | None:
     """Fit a map with the options of the command line; return None if the curves are no map."""
     from indent_sim.fitting import map_folder, map_source
+    from indent_sim.fitting.joint_fit import scenes_of_tips
 
     request = _fit_request(config, options)
     if request.other_tips:
-        return None
+        # They need --segment both, of which no map is fitted.
+        scenes_of_tips(request)
     reading = _reading_options(options)
     source = map_source.MapSource(curves, reading, options["grid"], options["rows"])
     measured_map = map_source.find_map(source, request, options["as_map"])

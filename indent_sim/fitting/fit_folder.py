@@ -188,6 +188,8 @@ def fit_curves(
     tell_cost(request, tell)
     if request.other_tips:
         scenes_of_tips(request)
+        if jobs > 1:
+            raise UsageError("--jobs: the curves of several tips are one fit", "leave it out")
     with open_locked(directory, request_identity(request)) as earlier_entries:
         writer = _Writer(directory, request, earlier_entries)
         try:
@@ -478,7 +480,8 @@ def _fit_tips_together(tasks: Sequence[Any], request: FitRequest) -> list[Entry]
     count = 1 + len(request.other_tips)
     if len(tasks) != count:
         raise UsageError(
-            f"{len(tasks)} curves to fit, but the scene and --other-tip are {count} tips",
+            f"the scene and --other-tip are {count} tips, and {len(tasks)} of the curves have no "
+            "fit yet",
             "give one curve for each tip, the one of the scene first, and a new --output",
         )
     if unread := [task for task in tasks if not isinstance(task, _FitTask)]:
