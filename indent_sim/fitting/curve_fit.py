@@ -428,7 +428,8 @@ def reject_outside_range(estimate: Estimate) -> None:
     if not low < ratio < high:
         raise FitRejected(
             f"E/yield_stress = {ratio:.3g} is outside the range of {low:g} to {high:g} for "
-            "which loading and unloading are tabulated: check units, half angle and frame compliance"
+            "which loading and unloading are tabulated: check units, half angle and frame "
+            "compliance"
         )
 
 

@@ -15,8 +15,8 @@ stresses in units of mu/(1 - nu):
 With phi and chi constant on rings, all integrals are elementary. Under a tip with the profile f(r)
 = B r^n each increment of the depth is that of a flat punch of the present contact radius. The stick
 radius is the same fraction of the contact radius for each of these punches, so that the stick and
-slip zones grow in proportion to the contact. Therefore delta = alpha a^n as in `no_slip`, where the surface outside a punch of radius 1
-has the depth int_0^1 phi/sqrt(r^2 - x^2) dx.
+slip zones grow in proportion to the contact. Therefore delta = alpha a^n as in `no_slip`, where the
+surface outside a punch of radius 1 has the depth int_0^1 phi/sqrt(r^2 - x^2) dx.
 
 Sources: Spence (1975), J. Elasticity 5, 297, for the problem and its self-similarity; the
 collocation is our own.

@@ -313,7 +313,8 @@ class CurveModel:
         rows[..., :-3, :] = derivatives
         rows[..., -3, :] = 1.0
         rows[..., -2, :] = self.baseline_coordinate
-        rows[..., :-1, :] *= self.is_free[:, None]
+        if not self.is_free.all():
+            rows[..., :-1, :] *= self.is_free[:, None]
         rows[..., -1, :] = residual
         return rows if self._factors is None else rows * self._factors[..., None, :]
 

@@ -654,7 +654,7 @@ def _requested_steps(run: Results, request: PlotRequest, panel_kind: str) -> lis
             )
             raise UsageError(
                 problem,
-                "run the scene again with --set output.fields=all, or choose stored steps with --steps",
+                "run the scene again with --set output.fields=all, or choose steps with --steps",
             )
         return [float(step) for step in history.film_steps(run, available)]
     requested = [available[-1] if word == "last" else word for word in request.steps]
