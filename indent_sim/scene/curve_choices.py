@@ -65,8 +65,8 @@ def curve(
         reason = ting_reason if setup.relaxation else static_reason
         if setup.uses_time_stepping:
             stepping_reason = (
-                "viscoelastic time stepping on the surface compliance, to 1e-4: the history is "
-                "not one loading and unloading with prescribed depths"
+                "viscoelastic time stepping on the surface compliance, with an error of 1e-4: "
+                "the history is not one loading and unloading with prescribed depths"
             )
             reason = stepping_reason
         choices.append(Choice("time", "curve", jkr_reason if setup.jkr_limit else reason))

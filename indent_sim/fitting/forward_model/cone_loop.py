@@ -156,8 +156,8 @@ def refuse_other_scenes(config: Config, varied_keys: tuple[str, ...]) -> None:
         problem = "a fit of a body that yields needs a homogeneous half-space"
     elif config.indenter.shape != "cone" or getattr(config.indenter, "tip_radius", False):
         problem = (
-            "a fit of a body that yields needs a sharp cone, whose loops at all depths are one; "
-            "those of a sphere or a pyramid are not tabulated"
+            "a fit of a body that yields needs a sharp cone, whose loops have the same shape at "
+            "all depths; loops of spheres and pyramids are not tabulated"
         )
         remedy = (
             "replace a Berkovich or Vickers tip by the cone of equal cross-sections: half_angle "

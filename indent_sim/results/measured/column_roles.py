@@ -268,7 +268,8 @@ def _add_roles_by_unit(layout: TextLayout, roles: dict[str, Column]) -> tuple[st
             roles[role] = Column(places[0])
             if is_named and role == "force":
                 notes.append(
-                    f"column '{layout.titles[places[0]].text}' is taken for the force by its unit"
+                    f"column '{layout.titles[places[0]].text}' is taken as the force because of "
+                    "its unit"
                 )
     return tuple(notes)
 

@@ -93,7 +93,9 @@ def read_calibration(lines: Sequence[str]) -> Calibration:
             calibration = replace(calibration, stiffness=k)
             has_unit = match["key_unit"] or match["unit"]
             if not has_unit and not any(key in line for key in KEYS_IN_SI):
-                notes.append(f"the spring constant {k:.4g} of the header has no unit: N/m is taken")
+                notes.append(
+                    f"the spring constant {k:.4g} of the header has no unit: N/m is assumed"
+                )
         match = SENSITIVITY.search(line)
         if calibration.sensitivity is None and match and (found := _sensitivity(match)):
             calibration = replace(calibration, sensitivity=found[0], signal=found[1])

@@ -165,7 +165,10 @@ def _inclusion_variant(v: SceneVariants) -> Config:
 def _inclusion_source(v: SceneVariants) -> str:
     """Return the description of the comparison with a body without inclusions."""
     place = v.stand_in_text if v.linear_scene.body.inclusions else ", in three dimensions"
-    return f"the body with its inclusions relative to one without, on one mesh{place}"
+    return (
+        "the body with its inclusions relative to the body without inclusions, on the same "
+        f"mesh{place}"
+    )
 
 
 def _finite_strain_tip(v: SceneVariants) -> Indenter:
@@ -329,8 +332,8 @@ def _slide_source(v: SceneVariants) -> str:
     """Return the description of the comparison of a slide with and without friction."""
     return (
         f"friction {v.friction} relative to no friction at the end of the first stretch of the "
-        "slide, at the largest depth, on one mesh at small strain; beside this change of the force "
-        f"{_largest_side_force(v)}"
+        "slide, at the largest depth, on the same mesh at small strain; besides this change of "
+        f"the force {_largest_side_force(v)}"
     )
 
 
@@ -348,7 +351,7 @@ def _no_slip_source(v: SceneVariants) -> str:
     if v.known_no_slip:
         source = v.known_no_slip.source
     return (
-        f"no slip: {source}; the range contains all friction coefficients from "
+        f"no slip: {source}; the range includes the effect of all friction coefficients from "
         f"{SAMPLE_FRICTIONS[0]:g} on"
     )
 
@@ -393,7 +396,7 @@ def _relaxation_source(v: SceneVariants) -> str:
     if total_fraction and t > 0:
         mean_time = sum(fraction * tau for fraction, tau in terms) / total_fraction
         number = f", Deborah number {mean_time / t:.2g}"
-    return f"the history relative to that of an elastic body{number}{v.stand_in_text}"
+    return f"the force in the history relative to that of an elastic body{number}{v.stand_in_text}"
 
 
 def _stiffness_needs(v: SceneVariants) -> str:
@@ -496,8 +499,9 @@ EFFECTS: dict[str, Cases] = {
         ),
         Range(
             lambda v: (
-                f"range between a body without sides and one with {' or '.join(v.side_supports)} "
-                "sides all around at the distance of the nearest side"
+                "range between an infinitely wide body and one with "
+                f"{' or '.join(v.side_supports)} sides all around at the distance of the nearest "
+                "side"
             ),
             _side_wall_range,
         ),
@@ -538,8 +542,8 @@ EFFECTS: dict[str, Cases] = {
             when=lambda v: len(v.config.layers) < 2 and not getattr(v.config.body, "regions", None),
         ),
         Comparison(
-            "the body with its layers relative to a homogeneous one of the material under the tip"
-            "{v.stand_in_text}",
+            "the body with its layers relative to a homogeneous body of the material under the "
+            "tip{v.stand_in_text}",
             lambda v: v.plain_scene,
             _homogeneous_variant,
         ),
@@ -627,7 +631,8 @@ EFFECTS: dict[str, Cases] = {
             when=lambda v: v.config.body.base == "roller" and isinstance(v.config.body, Ball),
         ),
         Comparison(
-            "the body on its flat relative to one whose base is bonded, each on its own mesh",
+            "the body that rests on a flat relative to one whose base is bonded, each on its "
+            "own mesh",
             lambda v: v.meshed_variant(v.plain_scene),
             lambda v: v.meshed_variant(v.replace_plain_body(base="fixed")),
             when=lambda v: v.config.body.base == "unbonded",
@@ -641,7 +646,7 @@ EFFECTS: dict[str, Cases] = {
     "soft_tip": (
         Absent("the {v.tip_name} is rigid", when=lambda v: not hasattr(v.tip, "material")),
         Comparison(
-            "the soft tip relative to a rigid one, on one mesh{v.stand_in_text}",
+            "the soft tip relative to a rigid one, on the same mesh{v.stand_in_text}",
             lambda v: v.meshed_variant(v.linear_scene),
             lambda v: v.meshed_variant(v.with_rigid_tip(v.linear_scene)),
             when=lambda v: v.config.indenter.elastic_part,
@@ -761,14 +766,14 @@ EFFECTS: dict[str, Cases] = {
             when=lambda v: v.scene.plan.friction,
         ),
         Comparison(
-            "friction {v.friction} relative to no friction, on one mesh{v.stand_in_text}",
+            "friction {v.friction} relative to no friction, on the same mesh{v.stand_in_text}",
             lambda v: v.contact_variant(friction=v.friction),
             lambda v: v.contact_variant(),
         ),
     ),
     "stick": (
         Comparison(
-            "no slip relative to no friction, on one mesh{v.stand_in_text}",
+            "no slip relative to no friction, on the same mesh{v.stand_in_text}",
             lambda v: v.contact_variant(friction="stick"),
             lambda v: v.contact_variant(),
             when=lambda v: v.friction,
@@ -777,8 +782,8 @@ EFFECTS: dict[str, Cases] = {
     ),
     "adhesion": (
         Comparison(
-            "the contact law with its attraction relative to one without, on one mesh"
-            "{v.stand_in_text}",
+            "the contact law with attraction relative to the same law without it, on the same "
+            "mesh{v.stand_in_text}",
             lambda v: v.contact_variant(adhesion=v.config.contact.adhesion),
             lambda v: v.contact_variant(),
             when=lambda v: v.friction_or_adhesion.get("adhesion"),
@@ -810,7 +815,7 @@ EFFECTS: dict[str, Cases] = {
     ),
     "rate": (
         Unknown(
-            "surface tension does not relax, so the force has no common factor",
+            "surface tension does not relax, so that the force does not relax like the modulus",
             when=lambda v: v.config.body.surface_tension,
         ),
         Unknown(
