@@ -253,11 +253,14 @@ class Scene:
             ),
             (
                 physics.contact.may_snap_through,
-                "the attraction has a finite range, but none in the theory",
+                "the attraction has a finite range, but in the theory its range is zero",
             ),
             (
                 physics.gap == "current" and not has_plate,
-                "the gap is evaluated at the deformed point, in the theory at the undeformed one",
+                (
+                    "the gap is evaluated at the deformed point, but in the theory at the "
+                    "undeformed point"
+                ),
             ),
             (
                 physics.gap == "reference" and is_finite,

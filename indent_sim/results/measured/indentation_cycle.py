@@ -132,8 +132,8 @@ class IndentationCycle:
         fraction = self.F[self.start : self.end] / self.F_max
         if fraction.min() > low * (1 + 1e-9):
             raise UsageError(
-                f"unloading ends at {fraction.min():.0%} of the largest force, above the "
-                f"{low:.0%} down to which it is fitted",
+                f"unloading ends at {fraction.min():.0%} of the largest force, but it is to be "
+                f"fitted down to {low:.0%}",
                 "choose another part with --top, for example --top "
                 f"98:{ceil(100 * fraction.min())}",
             )
