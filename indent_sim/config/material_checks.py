@@ -315,7 +315,9 @@ def _relaxation_law_errors(
                 "time]"
             )
             yield ConfigError(
-                f"{key}.prony[{k}]", problem, "use a fraction from 0 to below 1 and a time above 0"
+                f"{key}.prony[{k}]",
+                problem,
+                "use a fraction that is at least 0 and below 1, and a time above 0",
             )
     if (total := sum(fraction for fraction, _ in given.prony or ())) >= 1:
         yield ConfigError(

@@ -64,7 +64,7 @@ def sensitivities(config: Config, keys: Sequence[str], step: float = 0.02) -> De
     if base.physics.path.control != "depth" or base.is_time_dependent:
         raise ConfigError(
             "loading",
-            "derivatives of the force are defined at prescribed depths only",
+            "derivatives of the force can be computed only if depths are prescribed",
             "give loading.delta or deltas",
         )
     explicit = explicit_config(config, base)

@@ -305,7 +305,9 @@ def time_steps(setup: ProblemSetup, physics: ProblemDefinition, sizes: Sizes) ->
             f"the shear modulus relaxes in times of {min(relaxing):.3g} to {max(relaxing):.3g}"
         )
     if physics.creeps:
-        reasons.append("the body creeps: a hundredth of the shortest segment of the history")
+        reasons.append(
+            "a hundredth of the shortest segment of the history, because the body creeps"
+        )
         method = "backward Euler"
     elif physics.permeable_regions:
         method = "SDIRK2"

@@ -478,7 +478,9 @@ def _meshed_scene(config: Config, setup: ProblemSetup, per_radius: float | None)
     choices.refuse_nodal_stress(config, has_fields=not setup.history or is_in_time)
     if setup.history and not is_in_time:
         choices.refuse_reactions(
-            config, "a history is evaluated on the elastic curve, which contains only forces"
+            config,
+            "a history is evaluated on the elastic load curve, which contains only the "
+            "forces of the tip",
         )
     elif isinstance(config.body, UnboundedBody):
         choices.refuse_reactions(

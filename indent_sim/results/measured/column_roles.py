@@ -147,7 +147,7 @@ def _requested_roles(layout: TextLayout, requested: Sequence[str], file: str) ->
             notes.append(f"column '{title.text}' is taken for {ROLE_TEXTS[named]} by its title")
             role = named
         if role == "force" and title.kind in ("length", "voltage", "current"):
-            notes.append(f"column '{title.text}' is in {title.unit}: it is taken for a deflection")
+            notes.append(f"column '{title.text}' is in {title.unit}: it is taken as a deflection")
             role = "deflection"
         if title.kind and title.kind not in KINDS[role] and not _is_force(role, title):
             raise ConfigError(

@@ -473,7 +473,7 @@ EFFECTS: dict[str, Cases] = {
     "side_walls": (
         Absent("a half-space has no sides", when=lambda v: v.is_half_space),
         Threshold(
-            "theory of a layer with and without the wall",
+            "theory of a layer with the wall relative to that of a layer without it",
             "a frictionless wall at radius",
             lambda v, x: v.theory_ratio(_wall_variant(v, x), v.plain_scene),
             initial=lambda v: min(0.3 / v.config.body.height, _largest_inverse_wall_radius(v)),
@@ -483,13 +483,13 @@ EFFECTS: dict[str, Cases] = {
             when=lambda v: isinstance(v.config.body, UnboundedBody),
         ),
         Comparison(
-            "the strip relative to one with distant walls",
+            "the strip relative to a strip with distant walls",
             lambda v: v.plain_scene,
             _strip_with_distant_walls,
             when=lambda v: isinstance(v.config.body, Strip),
         ),
         Absent(
-            "included in the row of the thickness, which compares the whole body",
+            "included in the row of the thickness, which compares the whole body with a half-space",
             when=lambda v: v.layer_scene is None,
         ),
         Change(
@@ -627,7 +627,7 @@ EFFECTS: dict[str, Cases] = {
             when=lambda v: not isinstance(v.config.body, Cap | Ball),
         ),
         Absent(
-            "the ball is held by two tips",
+            "the ball is compressed between two tips, not on a base",
             when=lambda v: v.config.body.base == "roller" and isinstance(v.config.body, Ball),
         ),
         Comparison(
@@ -659,7 +659,7 @@ EFFECTS: dict[str, Cases] = {
             ),
         ),
         Threshold(
-            "theory, with half a ball taken as a flat layer of thickness R{v.stand_in_text}",
+            "theory, in which half a ball is a flat layer of thickness R{v.stand_in_text}",
             "indenter.material.E",
             _soft_tip_ratio,
             initial=lambda v: 1e-3 / v.touched_material.E,
@@ -669,7 +669,7 @@ EFFECTS: dict[str, Cases] = {
     ),
     "plasticity": (
         Absent(
-            "only linear_elastic and hencky bodies may yield",
+            "only bodies with the law linear_elastic or hencky may yield",
             when=lambda v: not isinstance(v.scene.physics.material, YieldingLaw),
         ),
         Absent(
