@@ -383,7 +383,8 @@ def _fit_loop(
         raise ConfigError(
             f"--segment {request.curve_part}",
             "is not a loop of a body that yields",
-            "give --segment both (loading and unloading), or approach for one parameter",
+            "give --segment both (loading and unloading), or --segment approach to fit one "
+            "parameter",
         )
     if request.curve_part == "approach" and len(request.varied_keys) > 1:
         raise ConfigError(

@@ -151,7 +151,8 @@ def _derivative(
     # Resolving the changed scene raises the error that explains why it does not exist.
     resolve(_replace_value(config, path, value * (1 - step)))
     raise ConfigError(
-        ".".join(map(str, path)), "no scene exists with a slightly smaller or larger value"
+        ".".join(map(str, path)),
+        "neither a slightly smaller nor a slightly larger value gives a valid scene",
     )
 
 

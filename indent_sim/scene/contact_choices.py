@@ -152,7 +152,10 @@ def contact(
     law: Any = replace(scales.nondimensionalize(settings), gap="auto")
     why = "as given"
     if isinstance(law, AutoContact):
-        why = "auto: no penetration error, smooth pressures, fewest iterations"
+        why = (
+            "auto: this method has no error due to penetration, smooth pressures, and the "
+            "fewest iterations"
+        )
         law = AugmentedLagrangian(
             friction=law.friction, epsilon_t=law.epsilon_t, adhesion=law.adhesion
         )

@@ -80,13 +80,13 @@ def _refuse_curve_features(setup: ProblemSetup, why: str) -> None:
         raise ConfigError(
             "material.relaxation.of",
             problem,
-            "use of: shear, or remove the part of the model that this reason names",
+            "use of: shear, or remove the part of the model that is named as the reason",
         )
     if experiment_part := next(
         (name for name, part in vars(setup.experiment or Experiment()).items() if part), None
     ):
         problem = f"needs an elastic curve, but this scene is solved row by row: {why}"
-        remedy = "leave it out, or remove the part of the model that this reason names"
+        remedy = "leave it out, or remove the part of the model that is named as the reason"
         raise ConfigError(f"experiment.{experiment_part}", problem, remedy)
 
 

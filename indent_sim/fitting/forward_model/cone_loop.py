@@ -313,7 +313,9 @@ def _unloading(xi: np.ndarray, y: np.ndarray) -> tuple[float, np.ndarray]:
     xi = xi[in_contact]
     y = y[in_contact]
     if len(xi) < 5:
-        raise ForwardModelUnavailable("the loop has too few rows of unloading in contact")
+        raise ForwardModelUnavailable(
+            "the simulated loop has too few rows of unloading that are in contact"
+        )
     # Near the loss of contact the force is about the power 1.3 of the recovery that is left.
     power = 1.0 / 1.3
     left = y[-2:] ** power

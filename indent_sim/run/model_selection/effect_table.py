@@ -845,13 +845,14 @@ EFFECTS: dict[str, Cases] = {
             when=lambda v: v.compliance > 0 and v.config.loading.force_history,
         ),
         Comparison(
-            "error if the displacement of the base is taken for the depth{v.stand_in_text}",
+            "error if the displacement of the cantilever's base is used as the "
+            "depth{v.stand_in_text}",
             lambda v: v.history_variant("cantilever", "frame"),
             lambda v: v.history_variant(),
             when=lambda v: v.compliance > 0,
         ),
         Unknown(
-            "error if the displacement of the base is taken for the depth",
+            "error if the displacement of the cantilever's base is used as the depth",
             needs=_stiffness_needs,
         ),
     ),
