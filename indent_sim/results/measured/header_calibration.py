@@ -111,7 +111,9 @@ def parse_sensitivity(text: str) -> tuple[float, str]:
     factor = _sensitivity_factor(match["unit"]) if match else None
     if match is None or factor is None or not (value := _number(match["value"])) > 0:
         raise ConfigError(
-            "--sensitivity", f"'{text}' is no length per voltage or current", "write 50 nm/V"
+            "--sensitivity",
+            f"'{text}' is not a length divided by a voltage or a current",
+            "write 50 nm/V",
         )
     return value * factor[0], factor[1]
 

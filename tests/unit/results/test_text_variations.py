@@ -170,7 +170,7 @@ def test_sensitivities():
     assert parse_sensitivity("0.05um/mV") == (pytest.approx(5e-5), "voltage")
     assert parse_sensitivity("25 nm/nA") == (pytest.approx(25.0), "current")
     for text in ("50", "50 nN/V", "nm/V", "-5 nm/V", "50 nm/s"):
-        with pytest.raises(ConfigError, match="no length per voltage"):
+        with pytest.raises(ConfigError, match="not a length divided by a voltage"):
             parse_sensitivity(text)
 
 
