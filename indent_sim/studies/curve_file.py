@@ -22,7 +22,7 @@ RowWithCurve = tuple[Row, np.ndarray]
 
 
 class CurveWriter:
-    """Writer of curves.h5, and of curves.csv instead if there are few rows."""
+    """Writer of curves.h5, or of curves.csv if there are few rows."""
 
     def __init__(self, directory: Path):
         import h5py
@@ -50,7 +50,7 @@ class CurveWriter:
             self._flush()
 
     def finish(self, keys: Sequence[str], rows: Callable[[], Iterator[RowWithCurve]]) -> None:
-        """Give the file its name, or write curves.csv instead."""
+        """Give curves.h5 its final name, or write curves.csv instead."""
         self._flush()
         self._file.close()
         # With more rows in all curves together, curves.h5 is written instead of curves.csv.
@@ -89,7 +89,7 @@ class CurveWriter:
 
 
 def read_curves(folder: Path, runs: Mapping[int, str]) -> list[np.ndarray]:
-    """Read the depths and forces of some runs; each (rows, 2).
+    """Read the depths and forces of some runs; each array is (rows, 2).
 
     Parameters
     ----------

@@ -153,8 +153,8 @@ def draw_samples(runs: ManyRuns, path: Path) -> None:
 def draw_maps(runs: ManyRuns, path: Path, dpi: float | None = None) -> bool:
     """Draw the result over the two most influential keys, in panels for thirds of two others.
 
-    The colour of a rectangle is the median of the runs in it; one without runs is white. Return
-    False, without a picture, if fewer than two numbers vary.
+    The colour of a rectangle shows the median of the runs in it; a rectangle without runs is white.
+    Return False, without a picture, if fewer than two numbers vary.
     """
     keys = runs.varying_keys
     if len(keys) < 2:

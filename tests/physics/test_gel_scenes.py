@@ -203,6 +203,40 @@ def test_a_gel_may_swell_higher_around_the_tip_than_the_body_is() -> None:
     assert tip.radius_at(1.0) < row.a < tip.radius_at(swollen - 1 + depth)
 
 
+@pytest.mark.verify
+def test_a_strongly_swelling_gel_keeps_its_bonded_corner() -> None:
+    """The force on a gel bonded to a base is between those on a free and on a confined gel.
+
+    A bonded base hinders the gel in spreading, so that it rises more than a free one and less than
+    one between walls. The free face folds where elements at the corner are too small, and no
+    equilibrium is found.
+    """
+    material = {"model": "gel", "G": 1.0, "n_omega": 5.7e-3, "chi": 0.546, "stretch": 1.31}
+    depth = 0.085
+    bodies = [
+        LAYER | {"radius": 1.6, "base": base, "sides": sides}
+        for base, sides in (("roller", "free"), ("fixed", "free"), ("fixed", "roller"))
+    ]
+    forces = [
+        rows(
+            gel(
+                body,
+                material=material | {"flow": {"diffusivity": 1.0}},
+                indenter={"shape": "cone", "half_angle": 68.0, "tip_radius": 0.1},
+                loading={
+                    "history": [[0, 0], [9, depth], [60, depth]],
+                    "times": [60],
+                    "per_doubling": 2,
+                },
+                drainage={"tip": "drained", "bath": 0.0},
+                mesh={},
+            )
+        )[-1].force
+        for body in bodies
+    ]
+    assert forces[0] < forces[1] < forces[2]
+
+
 def test_a_gel_that_shrinks_away_from_the_tip_is_told_with_its_depth() -> None:
     """A gel between walls retreats from the tip by the shrinkage that is known in closed form.
 

@@ -459,7 +459,12 @@ MALFORMED = [
         "body.base",
         "'half_space' has no parameter 'base'",
     ),
-    (body("shape: half_space\n  radius: 1"), 5, "body.radius", "(it belongs to cylinder and ball)"),
+    (
+        body("shape: half_space\n  radius: 1"),
+        5,
+        "body.radius",
+        "(it belongs to cylinder, ball and ellipsoid)",
+    ),
     # bodies about an axis
     (
         round_body("shape: cap\n  base_radius: 2.0"),
