@@ -441,8 +441,9 @@ def hardness_text(result: Hardness) -> str:
     lines = [
         _align_columns(rows, "<"),
         "",
-        "The ± are half-widths of 95 % intervals by the scatter of the samples; errors of area "
-        "function, frame and zero point, and pile-up, are not in them.",
+        "The numbers after ± are half-widths of 95 % intervals from the scatter of the samples; "
+        "they include neither errors of the area function, the frame compliance and the zero "
+        "point, nor the error due to pile-up.",
         *(f"{name}: {words}" for name, words in result.assumptions.items()),
     ]
     if result.truth:

@@ -34,7 +34,7 @@ def cap_errors(config: SceneSections) -> Iterator[ConfigError]:
     if body.height and body.contact_angle:
         yield ConfigError(
             "body.contact_angle",
-            "contradicts height: each of them alone defines the shape of the cap",
+            "cannot be combined with height: each of the two alone defines the shape of the cap",
             "give one of the two",
         )
     elif not body.height and not body.contact_angle:
@@ -90,24 +90,27 @@ def resting_body_errors(config: SceneSections) -> Iterator[ConfigError]:
         ),
         (
             config.yields,
-            "does not yield: both contacts are solved on one compliance",
+            "may not yield: its two contacts are solved with the compliance of an elastic body",
             f"leave material.plasticity out, or {bonded}",
         ),
         (
             any(material.relaxation for _, material in config.materials())
             or config.loading.prescribed_history is not None,
-            "is not modelled with relaxation or a history: the load curve is that of two contacts",
+            (
+                "is not modelled with relaxation or a history, because its load curve is that of "
+                "two contacts"
+            ),
             f"give loading.delta or force, or {bonded}",
         ),
         (
             not config.contact.is_conservative,
-            "is modelled without friction, above and below",
+            "is modelled without friction in both contacts",
             f"leave contact.friction out, or {bonded}",
         ),
         (
             config.contact.adhesion is not None
             or bool(config.experiment and config.experiment.adhesion),
-            "is modelled without adhesion, above and below",
+            "is modelled without adhesion in both contacts",
             f"leave it out, or {bonded}",
         ),
         (
@@ -122,7 +125,7 @@ def resting_body_errors(config: SceneSections) -> Iterator[ConfigError]:
         ),
         (
             config.contact.method == "nitsche",
-            "is solved by static condensation, which nitsche does not allow",
+            "is solved by static condensation, which is not possible with nitsche",
             "use contact.method: auto",
         ),
         (
@@ -224,8 +227,8 @@ def surface_tension_errors(config: SceneSections) -> Iterator[ConfigError]:
     remedy = "give one of the two"
     if config.experiment and config.experiment.adhesion:
         problem = (
-            "cannot be combined with experiment.adhesion: the JKR limit holds for a surface "
-            "without tension"
+            "cannot be combined with experiment.adhesion: the JKR limit holds for a body "
+            "without surface tension"
         )
         yield ConfigError(key, problem, remedy)
     if config.contact.may_snap_through:

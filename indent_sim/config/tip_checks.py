@@ -227,7 +227,7 @@ def _soft_tip_conflicts(config: SceneSections, key: str) -> Iterator[ConfigError
     reasons = (
         (
             any(material.is_time_dependent for _, material in config.materials()),
-            "needs a body that does not depend on time",
+            "needs a body whose response does not depend on time",
             "leave material.flow and relaxation of shear out",
         ),
         (
@@ -298,7 +298,10 @@ def _finite_strain_tip_conflicts(config: SceneSections, key: str) -> Iterator[Co
         ),
         (
             any(material.relaxation for material in materials),
-            "does not relax, so that the force of both bodies is no product with one relaxation",
+            (
+                "does not relax, so that the force of body and tip together does not relax like "
+                "the modulus of the body"
+            ),
             "leave material.relaxation out",
         ),
         (
@@ -328,7 +331,7 @@ def _finite_strain_tip_conflicts(config: SceneSections, key: str) -> Iterator[Co
         ),
         (
             config.output.nodal_stress,
-            "has no stress at the vertices of the body's grid",
+            "cannot be combined with stresses at the nodes",
             "leave output.nodal_stress out",
         ),
     )
@@ -396,6 +399,7 @@ def _jkr_errors(config: SceneSections, adhesion: JKRAdhesion) -> Iterator[Config
         yield ConfigError(key, problem, "give the punch an edge_radius")
     if adhesion.range and not hasattr(tip, "R"):
         problem = (
-            f"only gives the Tabor number of a tip with a radius R, but a {tip.shape} has none"
+            f"is used only for the Tabor number of a tip with a radius R, but a {tip.shape} has "
+            "none"
         )
         yield ConfigError(f"{key}.range", problem, "leave it out")

@@ -242,7 +242,8 @@ def _is_bare_base(fitter: MapFitter, scene: MapScene) -> np.ndarray:
     if not scene.forward_model.experiment.compliance:
         raise ConfigError(
             "--thickness",
-            "the bare base is known by the deflection of a cantilever, and the scene has none",
+            "pixels of bare base are recognised by the deflection of a cantilever, but the "
+            "scene has none",
             "give experiment.cantilever, or another --thickness",
         )
     # Depth of a rigid body, over the displacement of the cantilever's base.
@@ -487,7 +488,8 @@ def _warnings(scene: MapScene, map_fit: MapFit, record: dict[str, Any]) -> list[
     if map_fit.noise.baseline_samples < 0.25 * length:
         messages.append(
             f"the noise is estimated from baselines of {map_fit.noise.baseline_samples} samples, "
-            f"and the fits have {length:.0f}: intervals may be too narrow if the noise is slow"
+            f"and the fits have {length:.0f}: if the noise varies slowly, intervals may be too "
+            "narrow"
         )
     return messages
 

@@ -169,7 +169,7 @@ def _select_rows(curves: MeasuredMap, rows: tuple[int, int]) -> MeasuredMap:
     if rows[1] > curves.shape[0]:
         raise UsageError(
             f"--rows {rows[0]}:{rows[1]}: the map has the rows 0:{curves.shape[0]}",
-            "the row behind the colon is the first one that is left out",
+            "the number after the colon is the first row that is left out",
         )
     return curves.select_rows(*rows)
 

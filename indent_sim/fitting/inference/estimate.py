@@ -781,8 +781,8 @@ def fit_model(
     if not guesses:
         negated_samples = Samples(samples.x, -samples.force, samples.t)
         sign_hint = (
-            " (it falls; the force of a tip that is pressed in has to be positive: with --columns, "
-            "a minus before the column of the force turns its sign)"
+            " (it falls; the force of a tip that is pressed in has to be positive: with "
+            "--columns, a minus before the column of the force reverses its sign)"
             if initial_guesses(forward_model, negated_samples, origin)
             else ""
         )
