@@ -329,7 +329,7 @@ def sensitivities(scene: SceneInput, keys: str | Sequence[str]) -> derivatives.D
     Returns
     -------
     Derivatives
-        {key: {"value": [...], "error": [...]}} with one entry a row.
+        {key: {"value": [...], "error": [...]}} with one entry per row.
     """
     return derivatives.sensitivities(config_of(scene), [keys] if isinstance(keys, str) else keys)
 

@@ -110,7 +110,7 @@ class Program(click.Group):
         return ctx
 
     def invoke(self, ctx: click.Context) -> Any:
-        """Run the command; print a message for expected failures, else a traceback."""
+        """Run the command; print a message for an expected failure, a traceback for any other."""
         try:
             if signal.getsignal(signal.SIGINT) is signal.SIG_DFL:
                 signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -237,7 +237,7 @@ def study(
     output_format: OutputFormat,
     **options: Any,
 ) -> None:
-    """Run a scene with varied keys and tabulate errors and costs. Prints the folder."""
+    """Run a scene with varied keys and tabulate errors and costs. Prints the study folder."""
     _refuse_parallel_run()
     require_resources()
     from indent_sim import studies
@@ -314,7 +314,7 @@ def _make_surrogate(
 
 
 def _refuse_options_of_runs(option: str, options: Mapping[str, Any]) -> None:
-    """Raise UsageError if options that apply to all runs of a study are given with another one."""
+    """Raise UsageError if an option is combined with options for all runs of a study."""
     given = [key for key in ("resume", "overwrite", "shard", "gather") if options[key]]
     given += ["jobs"] if options["jobs"] > 1 else []
     if given:
@@ -377,9 +377,10 @@ def require(
 ) -> None:
     """Show the effects on the force and the cheapest sufficient model. Writes nothing.
 
-    Effects are in per cent of the force; the model is a scene that can be run. With --curve,
-    effects are those at the depth of a measured curve, and other models are fitted to this curve:
-    which one is needed, which one is not excluded, and the modulus that it would give.
+    Effects are in per cent of the force; the model is a scene that can be run. With --curve, the
+    effects at the depth of a measured curve are shown, and other models are fitted to this curve:
+    the output states which of them is needed, which is not excluded, and the modulus that each
+    would give.
     """
     _refuse_parallel_run()
     require_resources()
@@ -463,6 +464,14 @@ def _print_curve_requirements(
     help="Part of the curve; hold: approach and hold; both: approach and retract.",
 )
 @click.option(
+    "--other-tip",
+    "other_tips",
+    multiple=True,
+    metavar="KEY=VALUE",
+    help="Tip of the second curve, e.g. indenter.half_angle=50: the loops of a body that yields, "
+    "one for each tip, are fitted together. Once for each further curve.",
+)
+@click.option(
     "--contact-point",
     type=NumberInRange(),
     metavar="X",
@@ -535,10 +544,10 @@ def fit(
 
     Curves are text tables of any kind, or AFM files.
 
-    Contact point and baseline are always fitted, too. A second call with the same folder continues
-    with the curves that have no result. With --design, before a measurement, it prints the
-    intervals that a curve of the scene would give, and the changes of the experiment that would
-    narrow them.
+    Contact point and baseline are always fitted as well. A second call with the same folder
+    continues with the curves that have no result. With --design, before a measurement, the command
+    prints the intervals that a curve of the scene would give, and the changes of the experiment
+    that would narrow them.
     """
     _refuse_parallel_run()
     require_resources()
@@ -548,6 +557,11 @@ def fit(
         options.pop(name) for name in ("scene", "design_scene", "noise", "points")
     )
     _refuse_mixed_options(curves, scene, design_scene, noise, points)
+    if design_scene and options["other_tips"]:
+        raise UsageError(
+            "--design takes no --other-tip",
+            "with material.plasticity.hardening.n among the keys it tells what a second cone adds",
+        )
     if design_scene:
         with _quiet_libraries(LOG_LEVELS[verbosity]), raise_on_signals():
             config = load(design_scene, overrides)
@@ -607,7 +621,7 @@ def _refuse_mixed_options(
 def _print_design(
     config: Config, keys: tuple[str, ...], noise: float, points: int, output_format: OutputFormat
 ) -> None:
-    """Print the intervals to expect from a measurement of a scene."""
+    """Print the parameter intervals that are expected from a measurement of a scene."""
     from indent_sim.fitting import design
 
     measurement_design = design.design_measurement(config, keys, noise, points)
@@ -632,6 +646,8 @@ def _fit_map(
     from indent_sim.fitting import map_folder, map_source
 
     request = _fit_request(config, options)
+    if request.other_tips:
+        return None
     reading = _reading_options(options)
     source = map_source.MapSource(curves, reading, options["grid"], options["rows"])
     measured_map = map_source.find_map(source, request, options["as_map"])
@@ -674,7 +690,9 @@ def _fit_request(config: Config, options: Mapping[str, Any]) -> FitRequest:
     has_slope = options["baseline"] == "tilted" and level is None
     origin = OriginOptions(options["contact_point"], has_slope, level)
     keys = keys_of_part(options["keys"], options["segment"])
-    return FitRequest(config, keys, options["segment"], origin, options["models"])
+    return FitRequest(
+        config, keys, options["segment"], origin, options["models"], options["other_tips"]
+    )
 
 
 def _fit_curves(
@@ -774,10 +792,11 @@ def hardness(
     output_format: OutputFormat,
     **options: Any,
 ) -> None:
-    """Hardness and modulus from unloading (Oliver and Pharr, ISO 14577). Writes nothing.
+    """Determine hardness and modulus from unloading (Oliver and Pharr). Writes nothing.
 
-    The curve is a file with loading and unloading, or the result of a run; for a result, the true
-    contact area and modulus stand beside those of the formulas.
+    The method is that of ISO 14577. The curve is a file with loading and unloading, or the result
+    of a run; for a result, the true contact area and modulus are printed beside those of the
+    formulas.
     """
     from indent_sim.config.scene_file import load
     from indent_sim.run import hardness_analysis
@@ -836,7 +855,9 @@ def calibrate(
     output_format: OutputFormat,
     **options: Any,
 ) -> None:
-    """Area function of a tip from unloading curves of a sample of known modulus.
+    """Determine the area function of a tip from curves of a sample of known modulus.
+
+    The modulus and the contact stiffness of unloading give the contact area of each curve.
 
     The curves, three or more, have different depths. Give epsilon, beta, frame and drift as they
     are given to `hardness` later.
@@ -889,9 +910,9 @@ def compare(
 ) -> None:
     """Compare two results row by row. Exit code 6 if they differ.
 
-    A or B may be a measured curve. Rows are matched by step, or by depth if a table has no steps;
-    if the depths differ, the curve with more rows is interpolated. Tables of experiments are
-    compared as well, with rows matched by number.
+    Each of the two may be a measured curve instead of a result. Rows are matched by step, or by
+    depth if a table has no steps; if the depths differ, the curve with more rows is interpolated.
+    Tables of experiments are compared as well, with rows matched by number.
     """
     from indent_sim.results import compare
 
@@ -1166,7 +1187,7 @@ def _write_tab(runs: list[Results], options: dict[str, Any], output: Path) -> No
     help="Write ro-crate-metadata.json for archives, too.",
 )
 def report(folder: Path, output: Path | None, crate: Literal["", "crate"]) -> None:
-    """Write an HTML report of a result, a study or a fit. Prints its path.
+    """Write an HTML report of a result, a study or a fit. Prints the report's path.
 
     One file contains the scene, pictures, errors and provenance.
     """
@@ -1233,8 +1254,8 @@ def _report_page(folder: Path) -> str:
 def init(kind: str, output: Path | None) -> None:
     """Write a commented scene or study to start from. Prints the file's name.
 
-    Unless the folder has a scene.schema.json, it is written, too; editors use it to check and
-    complete scenes.
+    The file scene.schema.json, with which editors check and complete scenes, is written too if the
+    folder has none.
     """
     from importlib.resources import files
 
@@ -1263,7 +1284,7 @@ def init(kind: str, output: Path | None) -> None:
 @program.command("list")
 @click.argument("kind", type=click.Choice(list(LISTED_SECTIONS)), required=False)
 def list_(kind: str | None) -> None:
-    """List what a scene can consist of, with parameters and units."""
+    """List the possible parts of a scene, with their parameters and units."""
     kinds = [kind] if kind else list(LISTED_SECTIONS)
     print_stdout(
         "\n\n".join(f"{name}\n{terminal.section_text(LISTED_SECTIONS[name])}" for name in kinds)

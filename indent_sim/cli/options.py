@@ -114,7 +114,7 @@ def parse_pixel(
 def parse_rows(
     ctx: click.Context, option: click.Parameter, text: str | None
 ) -> tuple[int, int] | None:
-    """Return the two numbers of A:B, the second of which is larger."""
+    """Return the two numbers of a text A:B, the second of which is larger."""
     if text is None:
         return None
     first, colon, end = text.partition(":")
@@ -126,7 +126,7 @@ def parse_rows(
 def parse_limits(
     ctx: click.Context, option: click.Parameter, text: str | None
 ) -> tuple[float, float] | None:
-    """Return the two numbers of A:B."""
+    """Return the two numbers of a text A:B."""
     if text is None:
         return None
     try:
@@ -139,7 +139,7 @@ def parse_limits(
 def parse_top(
     ctx: click.Context, option: click.Parameter, text: str | None
 ) -> tuple[float, float] | None:
-    """Return the two fractions of A:B, which are per cents, the larger one first."""
+    """Return two fractions from a text A:B in per cent, the larger one first."""
     limits = parse_limits(ctx, option, text)
     if limits is None:
         return None

@@ -284,7 +284,7 @@ def inclusion_errors(config: SceneSections) -> Iterator[ConfigError]:
 
 
 def _unsupported_inclusion(body: AnyBody, inclusion: Inclusion) -> tuple[str, str] | None:
-    """Return the reason why this body cannot have an inclusion, and a remedy, or None."""
+    """Return why this body cannot have an inclusion, with a remedy; None if it can have it."""
     if isinstance(body, Strip) and inclusion.center[1]:
         return (
             f"a strip is infinite along y, but the center is at y = {inclusion.center[1]:g}",
@@ -335,7 +335,7 @@ def _level_face_problem(faces: Sequence[tuple[str, float]], inclusion: Inclusion
 
 
 def _coating_face_problem(body: AnyBody, inclusion: Inclusion) -> str:
-    """Return a message on an inclusion too close to the inner face of a coating, or ""."""
+    """Return a message on an inclusion too close to the inner face of a coating; else ""."""
     if not isinstance(body, Cap | Ball):
         return ""
     radius = body.spherical_body.radius
@@ -357,7 +357,7 @@ def _coating_face_problem(body: AnyBody, inclusion: Inclusion) -> str:
 def _level_faces(config: SceneSections) -> list[tuple[str, float]]:
     """Return names and z [length] of the horizontal faces from the top.
 
-    The mirror plane of a ball is not one of them, since an inclusion may be centered on it.
+    The mirror plane of a ball is not included, since an inclusion may be centered on it.
     """
     body = config.body
     depths = list(accumulate(layer.thickness or inf for layer in config.layers))

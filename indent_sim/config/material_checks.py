@@ -155,7 +155,7 @@ def _flow_law_errors(key: str, material: Material) -> Iterator[ConfigError]:
 def plasticity_errors(config: SceneSections) -> Iterator[ConfigError]:
     """Yield a ConfigError for each error in the plasticity of the materials.
 
-    Keys that cannot be combined with plasticity are errors, too.
+    Keys that cannot be combined with plasticity are errors as well.
     """
     laws = {f"{key}.plasticity": law for key, law in config.materials() if law.plasticity}
     for key, law in laws.items():
@@ -177,10 +177,9 @@ def plasticity_errors(config: SceneSections) -> Iterator[ConfigError]:
         section = "contact" if config.contact.may_snap_through else "experiment"
         problem = "is not verified together with yield"
         yield ConfigError(f"{section}.adhesion", problem, f"leave it or {key} out")
-    elif config.experiment:
+    elif config.experiment and config.experiment.frequencies:
         problem = "is simulated with the load curve of a linear body, but this one yields"
-        remedy = "leave it out; for a compliant frame use hardness --frame-compliance"
-        yield ConfigError("experiment", problem, remedy)
+        yield ConfigError("experiment.frequencies", problem, "leave it out")
     refines_increments = config.loading.given_path_keys[:1] in (("delta",), ("deltas",))
     if config.accuracy is not None and not refines_increments:
         problem = "of a body that yields refines the increments of prescribed depths only"

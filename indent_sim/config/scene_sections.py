@@ -179,7 +179,7 @@ class SceneSections(BaseModel):
 
     @property
     def instrument(self) -> Experiment:
-        """Experiment of the scene; an Experiment without entries if the file has none."""
+        """Experiment of the scene; an empty Experiment if the file has no such section."""
         return self.experiment or Experiment()
 
     @property

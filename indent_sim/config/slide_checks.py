@@ -18,7 +18,7 @@ HISTORY_KEY = "loading.slide_history"
 
 
 def slide_errors(config: SceneSections) -> Iterator[ConfigError]:
-    """Yield errors of a tip that slides: its direction, and what it cannot be combined with."""
+    """Yield errors of a tip that slides: its direction, and parts that exclude a slide."""
     slide = config.loading.slide
     if slide is not None:
         yield from _direction_errors(config, slide)
@@ -93,7 +93,7 @@ def _point_errors(
 
 
 def _history_obstacles(config: SceneSections) -> Iterator[Obstacle]:
-    """Yield the obstacles to a slide in time that a slide without time does not have."""
+    """Yield the obstacles that exist only for a slide prescribed in time."""
     loading = config.loading
     yield (loading.slide is not None, "is given beside loading.slide", "give one of them")
     yield (
@@ -122,7 +122,7 @@ def _history_obstacles(config: SceneSections) -> Iterator[Obstacle]:
 
 
 def _path_obstacles(config: SceneSections) -> Iterator[Obstacle]:
-    """Yield the obstacles to a slide without time that a slide in time does not have."""
+    """Yield the obstacles that exist only for a slide at a held depth or force."""
     loading = config.loading
     yield (
         loading.prescribed_history is not None,
@@ -139,7 +139,7 @@ def _path_obstacles(config: SceneSections) -> Iterator[Obstacle]:
 
 
 def _obstacles(config: SceneSections) -> Iterator[Obstacle]:
-    """Yield the obstacles to any slide."""
+    """Yield the obstacles that exist for every slide."""
     body = config.body
     yield (
         not isinstance(body, Strip | Box | Cylinder),

@@ -12,7 +12,7 @@ KEY = "loading.unload"
 
 
 def unload_errors(config: SceneSections) -> Iterator[ConfigError]:
-    """Yield errors of `loading.unload`: its end, and what it cannot be combined with."""
+    """Yield errors of `loading.unload`: its end, and parts of the scene that exclude it."""
     unload = config.loading.unload
     if unload is None:
         return
@@ -36,7 +36,7 @@ def _last_value(loading: Loading) -> float | None:
 
 
 def _obstacles(config: SceneSections) -> Iterator[tuple[bool, str, str]]:
-    """Yield whether an obstacle applies, with the text of the problem and the remedy."""
+    """Yield obstacles: whether each applies, with the text of the problem and the remedy."""
     loading = config.loading
     yield (
         loading.prescribed_history is not None,

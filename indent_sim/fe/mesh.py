@@ -41,8 +41,8 @@ class BodyMesh:
     hash : str
         Hash of the grid.
     body_counts : tuple of int, optional
-        Numbers of vertices and cells of the body, which come before those of a soft tip; None if
-        the mesh contains no tip.
+        Numbers of vertices and cells of the body, which precede the vertices and cells of a soft
+        tip; None if the mesh contains no tip.
     """
 
     mesh: dolfinx.mesh.Mesh
@@ -107,7 +107,7 @@ def distribute_with_tip(grid: Grid, tip_grid: Grid, scene: Scene, comm: MPI.Comm
     grid, tip_grid : Grid
         The grids of the body and of the tip upside down.
     scene : Scene
-        The scene, whose domain is that of both bodies.
+        The scene, whose domain consists of both bodies.
     comm : MPI.Comm
         Communicator of this process alone.
     """
@@ -184,7 +184,7 @@ def _curved_geometry(grid: Grid, part: ModelDomain) -> tuple[np.ndarray, np.ndar
 
 
 def _quadratic_geometry(grid: Grid, part: ModelDomain) -> tuple[np.ndarray, np.ndarray]:
-    """Return points and cells of a section with edge midpoints, those of a spherical top on it."""
+    """Return points and cells of a section; edge midpoints on a spherical top are on the sphere."""
     corners = grid.cells
     n = len(grid.points)
     edges = np.sort(corners[:, [[1, 2], [0, 2], [0, 1]]], axis=2).reshape(-1, 2)
@@ -200,14 +200,14 @@ def _move_onto_spheres(
 ) -> None:
     """Move the midpoints of edges on spherical surfaces and layer interfaces onto the sphere.
 
-    Those on an ellipsoid are moved in the coordinates in which it is a sphere.
+    Midpoints on an ellipsoid are moved in coordinates in which the ellipsoid is a sphere.
 
     Parameters
     ----------
     grid : Grid
         The grid.
     part : ModelDomain
-        Its model domain.
+        Model domain of the grid.
     middles : ndarray, (edges, 2)
         Midpoints of the edges [length]; they are changed.
     ends : ndarray of int, (edges, 2)
@@ -244,7 +244,7 @@ def _layer_interfaces(
     grid : Grid
         The grid.
     part : ModelDomain
-        Its model domain.
+        Model domain of the grid.
     edge_numbers : ndarray of int, (3 cells,)
         Numbers of the edges of each cell.
     edge_count : int

@@ -108,7 +108,7 @@ def _page_parts(
 def _map_parts(
     folder: Path, config: Config, record: Entry, parts: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """Return the content of the page of a map; further pictures are those of its sample."""
+    """Return the content of the page of a map, with the pictures of its sampled curves."""
     map_fit = read_map(folder)
     picture = Picture(
         figures.svg_element(partial(map_picture.draw_map, map_fit, config)),

@@ -29,7 +29,7 @@ from indent_sim.model.inclusions import (
 
 
 def _cad_kernel(gmsh: Gmsh, domain: ModelDomain) -> Gmsh:
-    """Return gmsh's CAD kernel: OpenCASCADE for inclusions, else the built-in one."""
+    """Return gmsh's CAD kernel: OpenCASCADE for inclusions, otherwise the built-in kernel."""
     return gmsh.model.occ if domain.inclusions else gmsh.model.geo
 
 

@@ -29,7 +29,7 @@ class Side:
     Attributes
     ----------
     surface
-        Name of the surface that the side belongs to.
+        Name of the surface of which the side is a part.
     start, end
         End points [length]; seen from start to end, the inside of the outline is on the left.
     center
@@ -64,8 +64,8 @@ class Side:
     def inward_distance(self, x: Coordinates, y: Coordinates) -> np.ndarray:
         """Return the signed distance [length] of points from the line or circle of the side.
 
-        It is positive inside the outline: left of a line, and inside a circle. The distance from
-        an ellipse is that of the circle that is stretched.
+        The distance is positive inside the outline: left of a line, and inside a circle. For an
+        ellipse it is the distance from the circle of which the ellipse is a stretched image.
         """
         if self.center is not None:
             return self.radius - np.hypot(*self._offset(x, y))
@@ -111,7 +111,7 @@ class Side:
     def swept_area(self) -> float:
         """Signed area [length^2] between the side and the lines from the origin to its end points.
 
-        It is the area of the triangle below the chord, plus the circular segment of an arc.
+        This area is that of the triangle below the chord, plus the circular segment of an arc.
         """
         (x0, y0) = self.start
         (x1, y1) = self.end
@@ -128,7 +128,10 @@ class Side:
         return atan2(up, right)
 
     def _offset(self, x: Any, y: Any) -> tuple[Any, Any]:
-        """Return the offset of points from the center of the circle that is stretched [length]."""
+        """Return the offset of points from the center of the arc [length].
+
+        The vertical component is divided by `stretch`, so that the arc becomes a circle.
+        """
         assert self.center is not None
         return x - self.center[0], (y - self.center[1]) / self.stretch
 
@@ -243,7 +246,8 @@ class ModelDomain:
         Returns
         -------
         list of (point, level)
-            Point (x, z) and level of the interface [length], in order from the start of the side.
+            Point (x, z) and level of the interface [length], in the order from the start of the
+            side.
         """
         (x0, z0) = side.start
         (x1, z1) = side.end
@@ -284,7 +288,8 @@ class ModelDomain:
     def interfaces(self) -> tuple[float, ...]:
         """Levels [length] of the interfaces between layers in ascending order.
 
-        A level is the height z on the axis; below a spherical top interfaces are concentric to it.
+        A level is the height z on the axis; below a spherical top the interfaces are concentric
+        spheres.
         """
         layers = [region for region in self.regions if region.inclusion is None]
         return tuple(region.bottom for region in reversed(layers[:-1]))
@@ -409,16 +414,17 @@ class ModelDomain:
     def facet_sagitta(self, center: Point, radius: float, refinements: int = 0) -> float:
         """Return the distance of facets near the tip from the exact surface [length].
 
-        It is 0 for a domain that is meshed by the program, with a flat top or curved cells.
+        The distance is 0 for a domain that is meshed by the program, with a flat top or curved
+        cells.
         """
         return 0.0
 
     def facet_angle(self, center: Point, radius: float, refinements: int = 0) -> float:
-        """Return 0; the mean angle [radians] between facets matters for imported meshes only."""
+        """Return 0; the mean angle [radians] between facets is used for imported meshes only."""
         return 0.0
 
     def normal_component(self, surface: str) -> int | None:
-        """Return the displacement component that a roller on a surface holds.
+        """Return the displacement component that a roller on a surface constrains.
 
         It is None if no single axis is normal to the surface.
         """
@@ -428,7 +434,7 @@ class ModelDomain:
 
 
 def _interface_radius(top_radius: float, level: float, z: float) -> float:
-    """Return the radius [length] at which a spherical interface has the height z; -1 if none."""
+    """Return the radius [length] at which a spherical interface has the height z; -1 if nowhere."""
     r_squared = (top_radius + level) ** 2 - (top_radius + z) ** 2
     return r_squared**0.5 if r_squared > 0 else -1.0
 

@@ -86,7 +86,7 @@ class SphericalBody(RoundBody):
     def wall_clearance(self, inclusion: Inclusion) -> float:
         """Return the distance [length] from an inclusion to the curved surface.
 
-        It is negative if the inclusion protrudes.
+        The distance is negative if the inclusion protrudes.
         """
         return self.radius - inclusion.farthest_distance((0.0, 0.0, -self.radius))
 
@@ -98,8 +98,8 @@ class Cap(CenteredBody):
     Either `height` or `contact_angle` [degrees] is given, the angle between base and surface inside
     the body: height = base_radius tan(contact_angle/2). Beyond 90 degrees the body is wider than
     the base. Layers are concentric coatings of constant thickness from the curved surface inwards;
-    the last one is the core and takes no thickness. base "unbonded": the cap rests on a rigid flat
-    without friction, and its base may lift off.
+    the last layer is the core and has no `thickness`. base "unbonded": the cap rests on a rigid
+    flat without friction, and its base may lift off.
     """
 
     base_radius: Length
@@ -132,7 +132,7 @@ class Ball(CenteredBody):
     below. `delta` is the approach of the two tips; an inclusion lies above the mirror plane and has
     a mirror image below it, or is centered on it. base "fixed": the lower half of the surface is
     bonded to a rigid support. base "unbonded": the ball rests on a rigid flat without friction, in
-    a second contact with a radius of its own. Layers are concentric coatings from the surface
+    a second contact with another contact radius. Layers are concentric coatings from the surface
     inwards; the last one, the core, has no thickness.
     """
 

@@ -546,5 +546,5 @@ PULL_OFF = (SYMBOLS["maugis_pull_off"], SYMBOLS["jkr_pull_off"])
 
 
 def lookup(name: str, section: str = "") -> Symbol | None:
-    """Return the symbol of a name, preferring an entry for the section; None if there is none."""
+    """Return the symbol of a name, preferably its entry for the section; None if unknown."""
     return SYMBOLS.get(f"{section}.{name}") or SYMBOLS.get(name)

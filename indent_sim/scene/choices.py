@@ -73,7 +73,7 @@ def model_choices(setup: ProblemSetup) -> Choices:
 
 
 def _onset_text(setup: ProblemSetup) -> str:
-    """Return from which depth on a body yields, as the end of a sentence; "" if not known."""
+    """Return the end of a sentence on the depth at which the body yields; "" if it is unknown."""
     onset = setup.yielding.onset if setup.yielding else None
     if onset is None:
         return ""
@@ -176,7 +176,7 @@ def mesh(
     sizes : Sizes
         The chosen element sizes, nondimensional.
     fineness : MeshResolution or None
-        The mesh resolution that `accuracy` asks for.
+        The mesh resolution that the requested `accuracy` requires; None without `accuracy`.
 
     Returns
     -------
@@ -270,7 +270,7 @@ def mesh(
 
 
 def is_followed_on_body(config: Config, setup: ProblemSetup, solver: Choice) -> bool:
-    """True if a history is solved on the mesh, since no elastic curve determines it."""
+    """True if a history is solved on the mesh, because it does not follow from an elastic curve."""
     return setup.history is not None and (
         bool(config.contact.reason_no_elastic_curve) or solver.value == "newton"
     )
@@ -329,7 +329,7 @@ def time_steps(setup: ProblemSetup, physics: ProblemDefinition, sizes: Sizes) ->
 
 
 def refuse_reactions(config: Config, why: str) -> None:
-    """Raise ConfigError if reactions are requested; `why` explains why there are none."""
+    """Raise ConfigError if reactions are requested; `why` explains why they do not exist."""
     if config.output.reactions:
         raise ConfigError("output.reactions", f"no reactions can be written: {why}", "leave it out")
 

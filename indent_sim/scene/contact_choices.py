@@ -100,7 +100,7 @@ def gap(settings: Contact, setup: ProblemSetup) -> tuple[str, Choice]:
 
 
 def _check_reference_gap(tip: Indenter) -> None:
-    """Raise ConfigError if a tilted tip has no height above every point, or no formula for it."""
+    """Raise ConfigError if a tilted tip has no height above every point, or no height formula."""
     if not isinstance(tip, TiltedTip):
         return
     upright = tip.upright
@@ -357,7 +357,7 @@ def adhesion(
 def _expected_adhesion(
     attraction: Adhesion, setup: ProblemSetup, zone: float, h: float
 ) -> ExpectedAdhesion:
-    """Predict the adhesion from its cohesive zone and the size h of the elements there [length]."""
+    """Predict the adhesion from its cohesive zone and the element size h in this zone [length]."""
     # This import loads scipy's searches.
     from indent_sim.theory.maugis import maugis_lambda, maugis_pull_off, tabor_number
 

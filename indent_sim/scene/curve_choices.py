@@ -1,4 +1,4 @@
-"""Choices for what is computed from the elastic curve: experiments and histories."""
+"""Choices for experiments and histories that are computed from the elastic curve."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def curve(
 
 
 def _refuse_curve_features(setup: ProblemSetup, why: str) -> None:
-    """Raise ConfigError if a property needs an elastic curve; `why` states why there is none."""
+    """Raise ConfigError if a property needs an elastic curve; `why` explains why there is none."""
     if setup.relaxation:
         problem = f"'all' needs the elastic curve of a linear, frictionless contact: {why}"
         raise ConfigError(
@@ -91,7 +91,7 @@ def _refuse_curve_features(setup: ProblemSetup, why: str) -> None:
 
 
 def _refuse_curve(config: Config, setup: ProblemSetup, solver: Choice, key: str) -> None:
-    """Raise ConfigError if the elastic curve does not determine what `key` asks for."""
+    """Raise ConfigError if the elastic curve does not determine what `key` requests."""
     physics = setup.physics
     if setup.history and config.output.fields in ("last", "all"):
         problem = (

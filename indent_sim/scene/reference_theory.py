@@ -60,7 +60,7 @@ def theory_of(
     center: tuple[float, ...],
     surface_tension: float = 0.0,
 ) -> Theory | None:
-    """Return the reference theory of a scene, which neglects inclusions; None if there is none.
+    """Return the reference theory of a scene, without its inclusions; None if there is no theory.
 
     Parameters
     ----------
@@ -138,9 +138,9 @@ def _soft_tip_theory(theory: Theory, lens: Lens | SoftCylinder, body: Body) -> T
 
 
 def _add_soft_tip(theory: Theory, lens: Lens | SoftCylinder) -> Theory | None:
-    """Return the theory of a layer under a soft tip, which is taken as a flat layer, too.
+    """Return the theory of a layer under a soft tip, which is also treated as a flat layer.
 
-    None in plane strain.
+    The result is None in plane strain.
     """
     rigid = theory.contact
     if isinstance(rigid, ContactsInSeries):
@@ -170,7 +170,7 @@ def layer_theory(
     """Return the layer theory of a bounded body; None if there is none.
 
     No theory exists for a body from a mesh file, for layers with nu < 0, and for tips whose profile
-    no theory includes. Parameters as in `theory_of`.
+    no theory includes. The parameters are those of `theory_of`.
     """
     if isinstance(body, ImportedBody):
         return None
@@ -281,7 +281,7 @@ def relative_tip(tip: Indenter, body: Body) -> Indenter:
 def half_space_theory(
     tip: Indenter, layers: Sequence[BodyLayer], size: float = 1.0
 ) -> Theory | None:
-    """Return the theory of a tip on layers on a half-space; None if there is none.
+    """Return the theory of a tip on layers on a half-space; None if no theory exists.
 
     The last layer is the half-space. `size` is a length of about the contact radius [length], the
     length unit for a homogeneous half-space.

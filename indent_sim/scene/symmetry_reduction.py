@@ -46,7 +46,7 @@ def reduce(
         Layers and inclusions.
     slide_axis : str
         Horizontal axis, "x" or "y", along which the tip slides; empty if it does not. A plane
-        normal to it is no mirror plane.
+        normal to this axis is no mirror plane.
 
     Returns
     -------
@@ -93,7 +93,7 @@ def _is_tip_symmetric(tip: Indenter, axis: str) -> bool:
 
 
 def _are_inclusions_symmetric(regions: Regions, axis: str, c: float) -> bool:
-    """True if the plane normal to `axis` at c is a mirror plane of all inclusions together."""
+    """True if a plane normal to a horizontal axis is a mirror plane of all inclusions together."""
     inclusions = {_round_center(region.inclusion) for region in regions if region.inclusion}
     return inclusions == {
         _round_center(inclusion.mirror_image("xyz".index(axis), c)) for inclusion in inclusions
@@ -431,5 +431,5 @@ def _mirror_axes(requested_symmetry: str, symmetric_axes: list[str]) -> list[str
 
 
 def _is_centred(c: float, width: float) -> bool:
-    """True if c is in the middle of the width; both are rounded to 12 digits."""
+    """True if a coordinate is in the middle of a width; both are rounded to 12 digits."""
     return isclose(c, width / 2, rel_tol=2e-11)

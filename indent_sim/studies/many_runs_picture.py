@@ -118,7 +118,7 @@ def draw_samples(runs: ManyRuns, path: Path) -> None:
     if count < 2:
         path.unlink(missing_ok=True)
         return
-    colours, scale = number_colours(runs.values.tolist())
+    colours, scale = number_colours([float(value) for value in runs.values])
     # Width and height of a panel [inches].
     panel_size = 2.1
     size = panel_size * (count - 1)
@@ -153,8 +153,8 @@ def draw_samples(runs: ManyRuns, path: Path) -> None:
 def draw_maps(runs: ManyRuns, path: Path, dpi: float | None = None) -> bool:
     """Draw the result over the two most influential keys, in panels for thirds of two others.
 
-    The colour of a rectangle is the median of the runs in it; one without runs is white. Return
-    False, without a picture, if fewer than two numbers vary.
+    The colour of a rectangle shows the median of the runs in it; a rectangle without runs is white.
+    Return False, without a picture, if fewer than two numbers vary.
     """
     keys = runs.varying_keys
     if len(keys) < 2:
@@ -168,7 +168,7 @@ def draw_maps(runs: ManyRuns, path: Path, dpi: float | None = None) -> bool:
     # Number of rectangles in each direction, such that most of them contain several runs.
     fields = int(np.clip(np.sqrt(len(runs.values) / len(columns) / len(rows) / 4), 3, 24))
     edges = [_edges(runs.keys[key], fields) for key in (across, up)]
-    _, scale = number_colours(runs.values.tolist())
+    _, scale = number_colours([float(value) for value in runs.values])
     panel_size = 2.3
     figure_size = (panel_size * len(columns) + 1.6, panel_size * len(rows) + 1.0)
     with figures.new_figure(figure_size) as figure:

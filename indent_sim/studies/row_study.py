@@ -20,7 +20,7 @@ MAX_ROWS_IN_MEMORY = 10_000
 
 
 def _units(study: StudyFile) -> dict[str, str]:
-    """Return the units of the results of a study, as far as its scene names them."""
+    """Return the units of the results of a study, if its scene names units."""
     units = study.base.get("units")
     if not isinstance(units, dict):
         return {}

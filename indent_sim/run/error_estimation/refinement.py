@@ -61,7 +61,7 @@ class RefinementLevel:
         Parameters
         ----------
         resolve
-            Returns the scene with a given number of elements in the contact radius.
+            Function that returns the scene with a given number of elements in the contact radius.
         states
             The rows of this level [user's units].
         error_bars
@@ -112,7 +112,7 @@ def adaptive_refinement(
     Parameters
     ----------
     resolve
-        Returns the scene with a given number of elements in the contact radius.
+        Function that returns the scene with a given number of elements in the contact radius.
     elements
         Elements in the contact radius of the first level; for a resumed run, of its last level.
     previous_resolutions
@@ -198,7 +198,7 @@ def _next_refinement(
     Parameters
     ----------
     resolve
-        Returns the scene with a given number of elements in the contact radius.
+        Function that returns the scene with a given number of elements in the contact radius.
     resolution
         The resolution of this level.
     error
@@ -265,7 +265,8 @@ def accuracy_entry(
 ) -> dict[str, Any] | None:
     """Return the entry `accuracy` of run.json; None if no accuracy is requested.
 
-    It contains the target and the elements in the contact radius of this and the previous levels.
+    The entry contains the target, and the number of elements in the contact radius on this and the
+    previous levels.
     """
     target = target_error(config.accuracy)
     mesh_entries = (

@@ -83,14 +83,17 @@ def _radius_at_depth(v: SceneVariants) -> float:
 
 
 def _wall_variant(v: SceneVariants, x: float) -> Config:
-    """Return the scene of the layer with a frictionless wall of radius 1/x."""
+    """Return the scene of the layer with a frictionless wall at the radius 1/x."""
     layer: Any = v.plain_scene.body
     cylinder = Cylinder(1 / x, layer.height, base=layer.base, sides="roller", layers=layer.layers)
     return replace_sections(v.plain_scene, body=cylinder)
 
 
 def _largest_inverse_wall_radius(v: SceneVariants) -> float:
-    """Return the inverse radius of the smallest wall in which the tip fits."""
+    """Return the largest inverse radius of a curved wall around the tip [1/length].
+
+    It is infinite unless the tip is a flat punch, which must fit into the wall.
+    """
     # Smallest radius of a wall around a flat punch, relative to that of the punch. At a ratio
     # of 1 the punch compresses the whole body, which is a different problem.
     min_wall_ratio = 1.01
@@ -145,7 +148,7 @@ def _substrate_variant(v: SceneVariants, x: float) -> Config:
 
 
 def _homogeneous_variant(v: SceneVariants) -> Config:
-    """Return the plain scene with a homogeneous body of the material under the tip."""
+    """Return the linear scene with a homogeneous body of the material under the tip."""
     law: Any = v.touched_material
     if not isinstance(v.config.body, MeshFromFile):
         law = linear_law(v.config.layers[0].material)  # type: ignore[arg-type]
@@ -169,7 +172,7 @@ def _inclusion_source(v: SceneVariants) -> str:
 
 
 def _finite_strain_tip(v: SceneVariants) -> Indenter:
-    """Return the tip; a flat punch with a sharper edge gets the edge radius EDGE_ROUNDING R."""
+    """Return the tip; for a flat punch with a sharper edge, the edge radius is EDGE_ROUNDING R."""
     tip = v.tip
     if isinstance(tip, FlatPunch) and tip.edge_radius < EDGE_ROUNDING * tip.radius:
         return v.rounded_tip(EDGE_ROUNDING * tip.radius)
@@ -216,7 +219,7 @@ def _tension_ratio(v: SceneVariants, tension: float) -> float:
 
 
 def _soft_tip_ratio(v: SceneVariants, x: float) -> float:
-    """Return the force under a tip of the modulus 1/x, divided by that under a rigid tip.
+    """Return the force under a tip of the modulus 1/x, divided by the force under a rigid tip.
 
     The tip has the Poisson's ratio TIP_NU.
     """
@@ -229,7 +232,8 @@ def _soft_tip_ratio(v: SceneVariants, x: float) -> float:
 def _tilt_variant(v: SceneVariants, tilt: float) -> Config:
     """Return the linear scene of the given body and tip with a tilt, in a single step.
 
-    Both tips are solved without the symmetry that only the upright one has.
+    The upright and the tilted tip are both solved without the symmetry that only the upright tip
+    has.
     """
     direction = v.config.tilt_towards if tilt else 0.0
     scene = change_materials(v.single_step_scene, linear_law)
@@ -254,13 +258,13 @@ def _punch_tilt_needs(v: SceneVariants) -> str:
 
 
 def _upright_equivalent(v: SceneVariants, tilt: float) -> Indenter | None:
-    """Return the upright tip with the sections of the tilted tip; None if there is none."""
+    """Return the upright tip with the sections of the tilted tip; None if no such tip exists."""
     tip: Any = tilted(v.tip, tilt, 0.0)
     return tip.equivalent_tip(v.config.body.dim)  # type: ignore[no-any-return]
 
 
 def _has_tilt_estimate(v: SceneVariants) -> bool:
-    """True if theory gives the force of the upright tip with the sections of a tilted one."""
+    """True if theory gives the force of the upright tip with the sections of a tilted tip."""
     return (
         not v.is_spherical
         and v.theory_variant is not None
@@ -275,10 +279,10 @@ def _largest_estimated_tilt(v: SceneVariants) -> float:
 
 
 def _tilt_ratio(v: SceneVariants, tilt: float) -> float:
-    """Return the force of the upright tip with the sections of a tilted one, over that of the tip.
+    """Return F of the upright tip with the sections of a tilted tip, divided by F of the tip.
 
-    Boundary elements on a half-space gave 0.5, 2 and 6 % more for a cone of 70 degrees at 5, 10 and
-    15 degrees, and the same for a paraboloid.
+    Boundary elements on a half-space gave a force that is larger by 0.5, 2 and 6 % for a cone of 70
+    degrees at 5, 10 and 15 degrees, and the same for a paraboloid.
     """
     scene: Any = v.theory_variant
     equivalent = _upright_equivalent(v, tilt)
@@ -297,9 +301,10 @@ def _tilt_source(v: SceneVariants) -> str:
 
 
 def _slide_variant(v: SceneVariants, **contact: Any) -> Config:
-    """Return the linear scene of the given body and tip that slides along the first stretch.
+    """Return the linear scene with a slide along the first stretch of the scene's slide.
 
-    It is pressed to the largest depth, which is held, on the elements of the scene.
+    The tip is pressed to the largest depth, which is held during the slide. The element sizes are
+    those of the scene.
     """
     slide: Any = v.config.loading.slide
     # The force at the end of the slide does not depend on the number of increments before it.

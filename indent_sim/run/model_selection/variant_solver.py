@@ -80,7 +80,7 @@ class VariantSolver:
         return self._compute_once(f"theory {config!r}", resolve_by_theory)
 
     def _solve_variant(self, kind: str, config: Config, solve: Callable[[Scene], T]) -> T:
-        """Return the cached result `solve(scene)` of a variant, such as its states or history."""
+        """Return `solve(scene)` for a variant, such as its states or history, from the cache."""
 
         def solve_scene() -> T:
             """Return the result of the resolved variant."""
