@@ -76,6 +76,7 @@ def resting_body_errors(config: SceneSections) -> Iterator[ConfigError]:
     body = config.body
     if not isinstance(body, CurvedBody) or body.base != "unbonded":
         return
+    adhesion = config.experiment.adhesion if config.experiment else None
     bonded = "use body.base: fixed"
     reasons = (
         (
@@ -108,10 +109,22 @@ def resting_body_errors(config: SceneSections) -> Iterator[ConfigError]:
             f"leave contact.friction out, or {bonded}",
         ),
         (
-            config.contact.adhesion is not None
-            or bool(config.experiment and config.experiment.adhesion),
-            "is modelled without adhesion in both contacts",
-            f"leave it out, or {bonded}",
+            config.contact.adhesion is not None,
+            "is modelled with adhesion in the limit of a short range only",
+            "give experiment.adhesion: {work: ..., base_work: ...} in place of contact.adhesion, "
+            f"or {bonded}",
+        ),
+        (
+            adhesion is not None and adhesion.base_work is None,
+            "is lifted off by a tip that adheres to it, at a force of 0: the flat does not hold it",
+            "give experiment.adhesion.base_work, the work of adhesion between body and flat, or "
+            f"{bonded}",
+        ),
+        (
+            adhesion is not None and isinstance(body, Cap),
+            "with a flat base adheres to the flat by a contact that does not shrink, but separates "
+            "all at once",
+            f"use a ball or an ellipsoid, or {bonded}",
         ),
         (
             bool(body.surface_tension),

@@ -397,9 +397,31 @@ def _jkr_errors(config: SceneSections, adhesion: JKRAdhesion) -> Iterator[Config
     if isinstance(tip, FlatPunch) and not tip.edge_radius and not isinstance(body, CurvedBody):
         problem = "the contact of a sharp flat punch does not shrink, but separates all at once"
         yield ConfigError(key, problem, "give the punch an edge_radius")
+    if adhesion.base_work is not None:
+        yield from _base_work_errors(config, adhesion)
     if adhesion.range and not hasattr(tip, "R"):
         problem = (
             f"is used only for the Tabor number of a tip with a radius R, but a {tip.shape} has "
             "none"
         )
         yield ConfigError(f"{key}.range", problem, "leave it out")
+
+
+def _base_work_errors(config: SceneSections, adhesion: JKRAdhesion) -> Iterator[ConfigError]:
+    """Yield errors of the work of adhesion between a body and the flat below it."""
+    body = config.body
+    base = getattr(body, "base", None)
+    if base != "unbonded":
+        what = f"a {body.shape} with base {base}" if base else f"a {body.shape}, which has no base"
+        problem = "is the adhesion of a body to the flat on which it rests, but the body is"
+        yield ConfigError(
+            "experiment.adhesion.base_work",
+            f"{problem} {what}",
+            "leave it out, or use a ball or an ellipsoid with body.base: unbonded",
+        )
+    elif adhesion.range is not None:
+        yield ConfigError(
+            "experiment.adhesion.range",
+            "gives the Tabor number of one contact, but this body has two",
+            "leave it out",
+        )

@@ -103,7 +103,13 @@ def _report_schema() -> TypeAdapter[Report]:
         adhesion=GenericAlias(dict, (str, OptionalNumber | force_point)) | None,
         experiment=_mapping_type(
             by=str,
-            adhesion=_mapping_type(pull_off=GenericAlias(dict, (str, force_point)) | None) | None,
+            adhesion=_mapping_type(
+                pull_off=GenericAlias(dict, (str, force_point)) | None,
+                lost_contact=str,
+                series_error=Number,
+                words=str,
+            )
+            | None,
         )
         | None,
         mesh=_mapping_type(hash=str) | None,

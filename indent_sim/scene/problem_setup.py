@@ -21,7 +21,7 @@ from indent_sim.model.materials import Material
 from indent_sim.model.relaxation import Relaxation
 from indent_sim.model.spherical_bodies import CurvedBody, SphericalBody
 from indent_sim.model.tip_track import TipTrack
-from indent_sim.model.tips import FlatPunch, Indenter, Plate
+from indent_sim.model.tips import FlatPunch, Indenter, Paraboloid, Plate
 from indent_sim.model.unbounded_bodies import HalfSpace, UnboundedBody
 from indent_sim.model.units import Scales, round_length
 from indent_sim.process.errors import ConfigError
@@ -187,6 +187,21 @@ class ProblemSetup:
         return adhesive_radii(
             self.theory, self.relative_tip, self.layers, jkr_adhesion.work, self.max_depth, None
         )
+
+    @cached_property
+    def adhesive_base_radii(self) -> tuple[float, float] | tuple[()]:
+        """Radii [length] of the contact with the flat in the JKR limit, as `adhesive_radii`.
+
+        They are empty for a body that does not adhere to a flat on which it rests.
+        """
+        body = self.physics.body
+        adhesion = self.jkr_limit
+        solution = self.solution(self.max_depth) if self.max_depth > 0 else None
+        if adhesion is None or adhesion.base_work is None or solution is None:
+            return ()
+        assert isinstance(body, SphericalBody)
+        plate = Paraboloid(body.apex_radius)
+        return adhesive_radii(None, plate, self.layers, adhesion.base_work, 0.0, solution.force)
 
     @cached_property
     def jkr(self) -> Jkr | None:

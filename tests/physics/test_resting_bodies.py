@@ -205,7 +205,7 @@ REFUSED: dict[str, tuple[dict[str, Any], str]] = {
         {"material": {**LAW, "plasticity": {"yield_stress": 0.01}}},
         "does not yield",
     ),
-    "adhesion": ({"experiment": {"adhesion": {"work": 1e-4}}}, "without adhesion"),
+    "adhesion": ({"experiment": {"adhesion": {"work": 1e-4}}}, "base_work"),
     "surface tension": (
         {
             "body": {

@@ -354,13 +354,21 @@ def plan_elastic_run(config: Config, max_depth: float) -> PlannedRun:
     """Return the planned run of the scene without experiment, with drained elastic material.
 
     If the solver needs a load path, the path consists of the depths max_depth s^2 with s in
-    DEPTH_ROOTS. Raises ConfigError if the scene is not valid or has adhesion with a range.
+    DEPTH_ROOTS. Raises ConfigError if the scene is not valid, has adhesion with a range, or adheres
+    to a flat below.
     """
     if config.contact.adhesion:
         raise ConfigError(
             "contact.adhesion",
             "a fit needs adhesion in the JKR limit, without the key range",
             "give experiment.adhesion",
+        )
+    adhesion = config.experiment.adhesion if config.experiment else None
+    if adhesion and adhesion.base_work is not None:
+        raise ConfigError(
+            "experiment.adhesion.base_work",
+            "a fit needs a body with one adhesive contact",
+            "fit the approach of the scene without experiment.adhesion",
         )
     document = _elastic_document(config)
     planned_run = PlannedRun.resolve(
