@@ -462,6 +462,7 @@ class ErrorBars:
             self._step_error(state, name),
             self._bath_error(state, name),
             self._ridge_pressure_error if name == "p_max" and value > 0 else 0.0,
+            self._oscillation_error(state) if name == "p_max" else 0.0,
         ]
         return sum(contributions)
 
@@ -492,6 +493,13 @@ class ErrorBars:
         difference = value_difference(self._coarse_states, self._run_states, state.step, name)
         estimate = grid_convergence_index(difference, self.coarser_run.ratio, PRESSURE_ORDER)
         return float(np.max([estimate, min_error]))  # NaN if either of the two is NaN
+
+    def _oscillation_error(self, state: State) -> float:
+        """Return the error of p_max by the oscillation of the pressure between two meshed bodies.
+
+        The nodes of one surface lie anywhere on the elements of the other one.
+        """
+        return state.roughness * state.p_max if self._scene.has_two_body_mesh else 0.0
 
     def _element_size_over_peak_width(self, state: State, end_element: float) -> float:
         """Return the element size at the contact edge divided by the width of the pressure peak.
