@@ -126,8 +126,8 @@ def _audit_table(report: Report) -> Table:
 def _key_numbers(results: Results) -> list[tuple[str, str]]:
     """Return names and values of the quantities in the most important row.
 
-    It is the row of the largest depth, or in a history the row of the largest force (the last row
-    if all forces are 0).
+    The most important row is that of the largest depth, or in a history the row of the largest
+    force (the last row if all forces are 0).
     """
     if not len(results):
         return []
@@ -276,11 +276,14 @@ def _pull_off_sentences(results: Results) -> list[str]:
     ).items():
         place = f"force {point['force']:.5g} {force} at delta {point['delta']:.5g} {length}"
         sentences.append(f"Pull-off under {control.replace('_', ' ')}: {place}.")
+    adhesion = _report_section(results.report, "experiment", "adhesion")
+    if words := adhesion.get("words"):
+        sentences.append(f"{words[0].upper()}{words[1:]}.")
     return sentences
 
 
 def _report_section(report: Report, *names: str) -> Report:
-    """Return a nested section of run.json by its keys from the top; empty if there is none."""
+    """Return a nested section of run.json, found by its keys from the top; empty if missing."""
     for name in names:
         report = report.get(name) or {}
     return report

@@ -13,16 +13,19 @@ from indent_sim.model.spherical_bodies import SphericalBody
 from indent_sim.model.units import round_length
 from indent_sim.process.errors import ConfigError
 from indent_sim.scene import boundary_films
-from indent_sim.scene.corner_singularities import corners
+from indent_sim.scene.corner_singularities import Corner, corners
 from indent_sim.scene.history_path import problem_along_history
 from indent_sim.scene.measured_constants import (
+    ADHESIVE_ELEMENTS_PER_RADIUS,
     ELEMENTS_ABOVE_INCLUSION,
     ELEMENTS_PER_COATING,
     ELEMENTS_PER_RADIUS,
     FLAT_INCLUSION_FACTOR,
     MAX_INCLUSION_WEIGHT,
+    SWELLING_CORNER_SIZE,
 )
 from indent_sim.scene.path_rows import path_rows
+from indent_sim.scene.problem_definition import ProblemDefinition
 from indent_sim.scene.problem_setup import ProblemSetup
 from indent_sim.scene.resolution import FixedSizes, MeshResolution
 from indent_sim.theory.contacts_in_series import ContactsInSeries
@@ -45,8 +48,12 @@ def refine_base_contact(default_sizes: Sizes, setup: ProblemSetup) -> Sizes:
     body = physics.body
     if not isinstance(body, SphericalBody) or not body.rests_on_flat:
         return default_sizes
-    a_base = min(_expected_base_radius(body, setup), 0.9 * body.max_section_radius)
+    adhesive_radii = setup.adhesive_base_radii
+    a_base = max([_expected_base_radius(body, setup), *adhesive_radii])
+    a_base = min(a_base, 0.9 * body.max_section_radius)
     h = min(a_base * default_sizes.h_contact / setup.a, default_sizes.h_far)
+    if adhesive_radii:
+        h = min(h, adhesive_radii[0] / ADHESIVE_ELEMENTS_PER_RADIUS)
     radius = min(BASE_PATCH_FACTOR * a_base + 2 * h, body.max_section_radius)
     depth = physics.domain.height
     return replace(
@@ -66,7 +73,7 @@ def _expected_base_radius(body: SphericalBody, setup: ProblemSetup) -> float:
     solution = setup.solution(setup.max_depth) if setup.max_depth > 0 else None
     if solution and theory and isinstance(theory.contact, ContactsInSeries):
         return theory.contact.lower_solution(solution.force).a
-    return max((body.radius * max(setup.max_depth, 0.0) / 2) ** 0.5, setup.a)
+    return max((body.apex_radius * max(setup.max_depth, 0.0) / 2) ** 0.5, setup.a)
 
 
 def refine_corners(
@@ -79,17 +86,11 @@ def refine_corners(
 
     In three dimensions this refinement would cost too much. The field `corner_error` of the result
     estimates the error of the force due to the elements at corners, with and without refinement. A
-    coarser mesh does not show this error, since the elements at a corner are never larger than
-    those in the contact.
+    coarser mesh does not show this error, since the elements at a corner are never larger than the
+    elements in the contact.
     """
     physics = setup.physics
-    nu = physics.largest_nu
-    contact_end = setup.a if physics.is_compressed else default_sizes.punch_edge
-    near_corners = (
-        corners(physics.domain, physics.center, setup.a, nu, contact_end)
-        if setup.max_depth > 0
-        else []
-    )
+    near_corners = corners_near(physics, default_sizes, setup.a) if setup.max_depth > 0 else []
     if fixed_sizes.h_corner and (physics.domain.dim == 3 or not near_corners):
         where = "corners of a bonded base and narrow gaps next to the contact in two dimensions"
         raise ConfigError(
@@ -101,38 +102,61 @@ def refine_corners(
     else:
         error = AUTO_ERROR
         n = setup.a / default_sizes.h_contact
-    corner_sizes = [
-        (corner, float(default_sizes.size_at(np.array(corner.r), np.array(corner.depth))))
-        for corner in near_corners
-    ]
     h = fixed_sizes.h_corner
     is_size_free = resolution is not None or fixed_sizes.h_contact is None
+    if physics.domain.dim == 2 and h is None and is_size_free:
+        h = needed_corner_size(default_sizes, near_corners, error, n)
+        if h is not None and physics.is_swelling:
+            h = max(h, SWELLING_CORNER_SIZE * default_sizes.h_contact)
+    return sizes_with_corners(default_sizes, near_corners, h)
+
+
+def corners_near(physics: ProblemDefinition, sizes: Sizes, a: float) -> list[Corner]:
+    """Return the corners of a body that influence a contact of the radius a [length]."""
+    contact_end = a if physics.is_compressed else sizes.punch_edge
+    return corners(physics.domain, physics.center, a, physics.largest_nu, contact_end)
+
+
+def needed_corner_size(
+    default_sizes: Sizes, near_corners: list[Corner], error: float, n: float
+) -> float | None:
+    """Return the element size at corners [length] for an error; None if no refinement is needed.
+
+    Parameters
+    ----------
+    default_sizes, near_corners
+        The element sizes without refinement, and the corners.
+    error
+        Permitted relative error of the force.
+    n
+        Number of elements across a narrow gap.
+    """
     # Share of the allowed error of the force that the elements at corners may cost.
-    corner_error_share = 0.1
-    needs_refinement = any(
-        corner.size(corner_error_share * error, n) < size for corner, size in corner_sizes
-    )
-    if physics.domain.dim == 2 and h is None and is_size_free and needs_refinement:
-        h = min(corner.size(corner_error_share * error, n) for corner in near_corners)
-    if h is None:
-        return replace(
-            default_sizes,
-            corner_error=max((corner.error(size) for corner, size in corner_sizes), default=0.0),
-        )
-    corner_points = tuple(
-        sorted({(corner.r, round_length(corner.depth)) for corner in near_corners})
-    )
-    refined_sizes = replace(
-        default_sizes, corners=corner_points, h_corner=min(round_length(h), default_sizes.h_contact)
-    )
-    sizes_at_corners = (
-        float(refined_sizes.size_at(np.array(corner.r), np.array(corner.depth)))
-        for corner in near_corners
-    )
-    max_error = max(
-        corner.error(size) for corner, size in zip(near_corners, sizes_at_corners, strict=True)
-    )
-    return replace(refined_sizes, corner_error=max_error)
+    corner_error = 0.1 * error
+    if all(
+        corner.size(corner_error, n) >= _size_at(default_sizes, corner) for corner in near_corners
+    ):
+        return None
+    return min(corner.size(corner_error, n) for corner in near_corners)
+
+
+def sizes_with_corners(default_sizes: Sizes, near_corners: list[Corner], h: float | None) -> Sizes:
+    """Return sizes with elements of size h [length] at corners, and the error that remains.
+
+    Without h there is no refinement.
+    """
+    sizes = default_sizes
+    if h is not None:
+        points = tuple(sorted({(corner.r, round_length(corner.depth)) for corner in near_corners}))
+        h_corner = min(round_length(h), default_sizes.h_contact)
+        sizes = replace(default_sizes, corners=points, h_corner=h_corner)
+    errors = (corner.error(_size_at(sizes, corner)) for corner in near_corners)
+    return replace(sizes, corner_error=max(errors, default=0.0))
+
+
+def _size_at(sizes: Sizes, corner: Corner) -> float:
+    """Return the element size at a corner [length]."""
+    return float(sizes.size_at(np.array(corner.r), np.array(corner.depth)))
 
 
 def refine_inclusions(
@@ -261,7 +285,7 @@ def _film_sizes(
 
 
 def _elements_in_inclusion(inclusion: Inclusion, setup: ProblemSetup, error: float) -> float:
-    """Return the elements needed in half the thickness of an inclusion for an error of the force.
+    """Return the number of elements in half an inclusion's thickness for an error of the force.
 
     The error is the fraction of the inclusion that flat facets omit, multiplied by the share of the
     inclusion in the strain energy below a point force.

@@ -44,7 +44,7 @@ def missing_peak_reason(physics: ProblemDefinition, sizes: Sizes, a: float) -> s
     extent_tolerance = 1e-9
     for r, width in discontinuities:
         element_size = float(sizes.size_at(np.array(r), np.array(0.0)))
-        is_touched = r <= a + element_size or (
+        is_touched = r <= tip.touching_radius + a + element_size or (
             tip.height(r, 0.0) <= 0 and not isinstance(body, SphericalBody)
         )
         if (

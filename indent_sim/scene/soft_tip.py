@@ -1,8 +1,8 @@
 """The scene of a soft tip: its elastic lens or cylinder, upside down under a rigid tip.
 
-Body and tip are condensed separately to their contact surfaces. The tip's mesh is that of a cap
-which a plate compresses to the contact radius that is expected between tip and body, or that of a
-cylinder which is pressed over this radius.
+Body and tip are condensed separately to their contact surfaces. The tip is meshed like a cap that a
+plate compresses to the contact radius expected between tip and body, or like a cylinder that is
+pressed over this radius.
 """
 
 from __future__ import annotations
@@ -17,7 +17,15 @@ from indent_sim.model.spherical_bodies import SphericalBody
 from indent_sim.model.tips import Lens, SoftCylinder
 from indent_sim.process.errors import ConfigError
 from indent_sim.scene.choices import Choice
+from indent_sim.scene.local_refinement import (
+    corners_near,
+    needed_corner_size,
+    sizes_with_corners,
+)
+from indent_sim.scene.measured_constants import ERROR_CONSTANT
+from indent_sim.scene.problem_definition import ProblemDefinition
 from indent_sim.scene.problem_setup import ProblemSetup
+from indent_sim.scene.resolution import error_decay
 
 # Largest approach of the plate that chooses the lens's mesh, relative to the lens's thickness.
 MAX_APPROACH = 0.3
@@ -73,7 +81,7 @@ def soft_tip_config(config: Config, setup: ProblemSetup, sizes: Sizes) -> Config
     setup : ProblemSetup
         Its problem, with the expected contact radius.
     sizes : Sizes
-        The element sizes of the body, whose size in the contact the lens has, too.
+        The element sizes of the body; the lens has the same size in the contact.
     """
     lens = config.indenter.elastic_part
     assert lens is not None
@@ -102,6 +110,23 @@ def soft_tip_config(config: Config, setup: ProblemSetup, sizes: Sizes) -> Config
     )
 
 
+def refine_tip_corners(sizes: Sizes, physics: ProblemDefinition) -> Sizes:
+    """Return the sizes of a soft tip with smaller elements where it is bonded to its holder.
+
+    The permitted error of the force is the one that elements of the size in the contact have in
+    general, since the config has no key for the sizes of the tip.
+
+    Parameters
+    ----------
+    sizes, physics
+        Sizes and problem of the scene of the soft tip.
+    """
+    n = sizes.a / sizes.h_contact
+    near_corners = corners_near(physics, sizes, sizes.a)
+    h = needed_corner_size(sizes, near_corners, ERROR_CONSTANT[2] * error_decay(n), n)
+    return sizes_with_corners(sizes, near_corners, h)
+
+
 def _pressed_lens(lens: Lens, setup: ProblemSetup) -> dict[str, Any]:
     """Return body, tip and loading of a cap that a plate compresses to the expected contact."""
     a = setup.a * setup.physics.scales.length
@@ -115,8 +140,8 @@ def _pressed_lens(lens: Lens, setup: ProblemSetup) -> dict[str, Any]:
 def _pressed_cylinder(lens: SoftCylinder, setup: ProblemSetup, sizes: Sizes) -> dict[str, Any]:
     """Return body, tip, loading and size at the edge of a cylinder under the expected contact.
 
-    The contact with a flat body ends at the edge of the punch or of the body, that with a ball or a
-    cap inside both.
+    The contact with a flat body ends at the edge of the punch or of the body, the contact with a
+    ball or a cap ends inside both.
     """
     length = setup.physics.scales.length
     body = setup.physics.body
@@ -126,7 +151,7 @@ def _pressed_cylinder(lens: SoftCylinder, setup: ProblemSetup, sizes: Sizes) -> 
     h_edge = {} if sizes.h_edge is None else {"h_edge": sizes.h_edge * length}
     if isinstance(body, SphericalBody) and setup.a * length < lens.radius:
         a = setup.a * length
-        curvature_radius = max(body.radius * length, a * a / (MAX_APPROACH * lens.thickness))
+        curvature_radius = max(body.apex_radius * length, a * a / (MAX_APPROACH * lens.thickness))
         tip = {"shape": "paraboloid", "R": curvature_radius}
         depth = {"delta": a * a / curvature_radius}
         h_edge = {}

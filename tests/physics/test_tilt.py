@@ -64,6 +64,17 @@ def test_a_tilted_punch_in_plane_strain(tilt: float) -> None:
     assert state.a == pytest.approx(half_width, rel=5e-3)
 
 
+@pytest.mark.parametrize("towards", [0.0, 180.0])
+@pytest.mark.parametrize("tilt", [0.05, 1.0])
+def test_the_pressed_edge_of_a_tilted_punch_has_no_peak(tilt: float, towards: float) -> None:
+    """A tilted punch touches with its sharp edge, where the pressure is infinite."""
+    tip = {"shape": "flat_punch", "radius": 1.0, "tilt": tilt, "tilt_towards": towards}
+    loading = {"force": 0.01, "steps": 1}
+    state = solve(scene(STRIP, indenter=tip, loading=loading, mesh={"h_contact": 0.2}))[-1]
+    assert state.a > 0
+    assert state.p_max != state.p_max
+
+
 @pytest.mark.parametrize("tilt", [2.0, 4.0])
 def test_the_moment_is_within_its_error_estimate(tilt: float, tmp_path: Path) -> None:
     """The moment of a wedge against the closed form, at a force that the run has found."""

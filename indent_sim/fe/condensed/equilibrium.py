@@ -14,7 +14,7 @@ from indent_sim.fe.condensed.compliance import Condenser
 from indent_sim.fe.condensed.condensed_state import CondensedState
 from indent_sim.fe.condensed.contact import CondensedContact, ContactState
 from indent_sim.fe.condensed.flat_contact import flat_contact_radius
-from indent_sim.fe.condensed.flat_punches import punches
+from indent_sim.fe.condensed.flat_punches import BothContacts, punches
 from indent_sim.fe.condensed.resting_body import RestingBodyCondenser
 from indent_sim.fe.condensed.soft_tip import SoftTipCondenser
 from indent_sim.fe.discrete_body import Body
@@ -131,7 +131,7 @@ class CondensedEquilibrium(Equilibrium):
         return self.scene.physics.domain.symmetry_factor * self.contact.tip_force
 
     def tighten_tolerance(self) -> float:
-        """Return the relative error of a force: round-off, because the solver is direct."""
+        """Return the relative round-off error of a force; the direct solver has no tolerance."""
         return 1e-10
 
     def accept(self) -> float:
@@ -195,6 +195,10 @@ class CondensedEquilibrium(Equilibrium):
     def punches(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return the flat punches of an axisymmetric body; see `condensed.flat_punches`."""
         return punches(self.contact)
+
+    def both_contacts(self) -> BothContacts:
+        """Return the punches of a body that rests on a flat, at the present distributions."""
+        return BothContacts(self.contact)
 
     def snapshot(self) -> ContactState:
         """Return a copy of the present state."""
@@ -305,9 +309,9 @@ class CondensedEquilibrium(Equilibrium):
 
 
 def _forces_on_surface(contact: CondensedContact, state: ContactState) -> ContactState:
-    """Return a state with its nodal forces at all nodes of the contact surface.
+    """Return a state with the nodal forces on all nodes of the contact surface.
 
-    It does not depend on the choice of the candidates.
+    This state does not depend on the choice of the candidate nodes.
     """
     nodal = np.zeros((len(state.forces), len(state.lam)))
     nodal[:, contact.candidates] = state.forces

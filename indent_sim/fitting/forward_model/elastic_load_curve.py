@@ -85,7 +85,7 @@ class ElasticLoadCurve:
     def force_and_stiffness(self, delta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the force [force] and dF/d(delta) [force/length] at depths (n,) [length].
 
-        At max_depth, where the power law begins, the derivative is that for smaller depths.
+        At max_depth, where the power law begins, the derivative from smaller depths is returned.
         """
         positive_depth = np.maximum(delta, 1e-300)
         root = np.sqrt(positive_depth / self.max_depth)
@@ -99,7 +99,7 @@ class ElasticLoadCurve:
     def log_variation(self, delta: np.ndarray, coefficients: np.ndarray) -> np.ndarray:
         """Return a Chebyshev series in s, such as g(s), at depths (n,) [length].
 
-        It is constant below the smallest s and above 1.
+        The series is continued by constants below the smallest s and above s = 1.
         """
         s = np.clip(np.sqrt(np.maximum(delta, 1e-300) / self.max_depth), *ROOT_DOMAIN)
         values: np.ndarray = chebyshev.chebval(_map_to_unit_interval(s), coefficients)
@@ -272,7 +272,7 @@ def _scattered(values: np.ndarray, positions: np.ndarray, shape: tuple[int, ...]
 
 
 def _map_to_unit_interval(s: np.ndarray) -> np.ndarray:
-    """Return s mapped to the interval [-1, 1] of Chebyshev polynomials."""
+    """Return the curve coordinate s, mapped to the interval [-1, 1]."""
     return (2.0 * s - (ROOT_DOMAIN[0] + ROOT_DOMAIN[1])) / (ROOT_DOMAIN[1] - ROOT_DOMAIN[0])
 
 
@@ -354,13 +354,21 @@ def plan_elastic_run(config: Config, max_depth: float) -> PlannedRun:
     """Return the planned run of the scene without experiment, with drained elastic material.
 
     If the solver needs a load path, the path consists of the depths max_depth s^2 with s in
-    DEPTH_ROOTS. Raises ConfigError if the scene is not valid or has adhesion with a range.
+    DEPTH_ROOTS. Raises ConfigError if the scene is not valid, has adhesion with a range, or adheres
+    to a flat below.
     """
     if config.contact.adhesion:
         raise ConfigError(
             "contact.adhesion",
             "a fit needs adhesion in the JKR limit, without the key range",
             "give experiment.adhesion",
+        )
+    adhesion = config.experiment.adhesion if config.experiment else None
+    if adhesion and adhesion.base_work is not None:
+        raise ConfigError(
+            "experiment.adhesion.base_work",
+            "a fit needs a body with one adhesive contact",
+            "fit the approach of the scene without experiment.adhesion",
         )
     document = _elastic_document(config)
     planned_run = PlannedRun.resolve(
@@ -404,7 +412,7 @@ def solve_load_curve(
     max_depth
         The largest depth [length].
     wants_punches
-        True if flat punches, which an adhesive tip needs, are solved, too.
+        True if flat punches, which an adhesive tip needs, are also solved.
     exponent
         Exponent of the depth; None to find it from the shallowest points.
 
@@ -468,7 +476,7 @@ def _curve_from_theory(
 def _curve_from_mesh(
     elastic_forces: ElasticForces, max_depth: float, exponent: float | None
 ) -> ElasticLoadCurve:
-    """Return the load curve by a solution on a mesh, smoothed by a polynomial.
+    """Return the load curve from a solution on a mesh, smoothed by a polynomial.
 
     The ratio of the computed force to the force by theory is smoothed. The scatter around the
     polynomial is added to the relative error.
@@ -527,7 +535,7 @@ def _curve_from_mesh(
 def _depth_exponent(depths: np.ndarray, forces: np.ndarray) -> float:
     """Return the exponent of the depth at the smallest depths.
 
-    It is rounded to a multiple of 0.5 if this is close.
+    The exponent is rounded to a multiple of 0.5 if it is close to one.
     """
     slope = float(np.log(forces[1] / forces[0]) / np.log(depths[1] / depths[0]))
     # The exponent is rounded to the nearest multiple of the step if it is within the tolerance of

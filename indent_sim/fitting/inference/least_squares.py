@@ -2,7 +2,7 @@
 
     minimize r'V^-1 r,   (A + damping diag A) step = g,   A = J'V^-1 J,   g = J'V^-1 r
 
-Every curve has its own damping, and takes part until its sum of squares has converged. Source:
+Every curve has a separate damping, and is iterated until its sum of squares has converged. Source:
 Marquardt (1963), Journal of the Society for Industrial and Applied Mathematics 11, 431.
 """
 
@@ -161,7 +161,9 @@ def _shorten_steps(
 def _trial_gram(
     model: Regression, p: np.ndarray, metric: Metric, squares: np.ndarray
 ) -> np.ndarray:
-    """Return [J, r]'V^-1 [J, r] of trials, infinite where the squares do not fall.
+    """Return the weighted Gram matrix of Jacobian and residuals of trial parameters.
+
+    It is infinite where the sum of squares does not fall.
 
     Derivatives that are difference quotients are expensive: they are computed only where the
     squares fall.
@@ -181,7 +183,10 @@ def _trial_gram(
 
 
 def _gram(model: Regression, p: np.ndarray, metric: Metric) -> np.ndarray:
-    """Return [J, r]'V^-1 [J, r] (B, p + 1, p + 1); infinite where there is no finite solution."""
+    """Return the weighted Gram matrix (B, p + 1, p + 1) of Jacobian and residuals.
+
+    It is infinite where there is no finite solution.
+    """
     try:
         gram = metric.gram(model.linearize(p))
     except ForwardModelUnavailable:
