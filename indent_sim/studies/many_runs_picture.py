@@ -145,7 +145,7 @@ def draw_samples(runs: ManyRuns, path: Path) -> None:
                 (x, axes.set_xscale, axes.xaxis),
                 (y, axes.set_yscale, axes.yaxis),
             ):
-                if _is_logarithmic(numbers):
+                if has_logarithmic_axis(numbers):
                     set_scale("log")
                     set_plain_log_ticks(axis, value_ratio(numbers))
             if j == count - 1:
@@ -249,12 +249,12 @@ def _thirds(values: np.ndarray) -> list[tuple[np.ndarray, str]]:
 
 def _edges(values: np.ndarray, fields: int) -> np.ndarray:
     """Return the edges of the rectangles over a key."""
-    spacing = np.geomspace if _is_logarithmic(values) else np.linspace
+    spacing = np.geomspace if has_logarithmic_axis(values) else np.linspace
     return np.asarray(spacing(values.min(), values.max(), fields + 1))
 
 
-def _is_logarithmic(values: np.ndarray) -> bool:
-    """Return whether an axis is logarithmic: the values cover decades, and do so evenly.
+def has_logarithmic_axis(values: np.ndarray) -> bool:
+    """Return whether the axis of some values is logarithmic: they cover decades evenly.
 
     Values that are spaced linearly from nearly 0 on cover decades, too, but their median is in the
     middle of a linear axis.
@@ -287,6 +287,6 @@ def _scale_axes(axes: Axes, edges: Sequence[np.ndarray]) -> None:
     for edge, set_scale, axis in zip(
         edges, (axes.set_xscale, axes.set_yscale), (axes.xaxis, axes.yaxis), strict=True
     ):
-        if _is_logarithmic(edge):
+        if has_logarithmic_axis(edge):
             set_scale("log")
             set_plain_log_ticks(axis, value_ratio(edge))

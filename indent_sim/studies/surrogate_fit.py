@@ -173,7 +173,8 @@ def _check_runs(study: StudyFile, runs: Mapping[int, str], path: Path) -> None:
         if not is_same:
             raise UsageError(
                 f"{path} is not the table of this study: its row {index + 1} is another run",
-                "run the study again with --resume",
+                "run the study again with --resume, or with --overwrite if another version of the "
+                "program computed the table",
                 str(path),
             )
 
