@@ -1,11 +1,12 @@
 """indent-sim: simulation of rigid, analytic indenters pressed into elastic bodies, with an error
 estimate of each number.
 
-The names of a notebook: `load` a scene from a file or a dictionary, `resolve` it to a Scene, walk
-its `states` or `condense` its body, `simulate` it into a result folder, `read` one; `plan`,
-`require`, `study`, `compare`, `hardness`, `plot` and `fit` are the commands of these names;
-`fit_map` is a fit of a map of curves; `surrogate` reads a fitted study; `sensitivities` are
-derivatives of the force.
+Functions for scripts and notebooks: `load` reads a scene from a file or a dictionary, `resolve`
+makes a Scene of it, `states` solves the Scene step by step, `condense` condenses its body,
+`simulate` writes a result folder, and `read` reads one. `plan`, `require`, `study`, `compare`,
+`hardness`, `plot` and `fit` are the commands of the same names. `fit_map` fits a map of curves,
+`surrogate` reads a fitted surrogate of a study, and `sensitivities` returns derivatives of the
+force.
 """
 
 # No module is imported here, not even `typing`: Ctrl-C until the program has started would be a
@@ -55,7 +56,7 @@ __all__ = [
 
 
 def __getattr__(name: str) -> "Any":
-    """Import a name when it is first asked for: to load a scene needs no solver."""
+    """Import a public name at its first use, because loading a scene needs no solver."""
     if name == "__version__":
         from indent_sim.process.version import VERSION
 

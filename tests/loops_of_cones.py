@@ -7,6 +7,7 @@ law of unloading; and curves as an instrument records them.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from indent_sim.fitting.forward_model.cone_loop import (
     Metal,
     metal_of,
 )
+from indent_sim.fitting.forward_model.parameters import number_at
 from indent_sim.results.measured.measurement import MeasuredCurve
 
 NU = 0.3
@@ -41,9 +43,24 @@ def published_loop(metal: Metal) -> ConeLoop:
     return ConeLoop(C / metal.E, S / C, m, (1 - RECOVERY_FRACTIONS) ** m)
 
 
+def loop_of_angle(metal: Metal, half_angle: float) -> ConeLoop:
+    """Return the loop of a cone of another half angle, made up of that of 70.3 degrees.
+
+    The representative strain is 0.105 cot(half angle) (Bucaille et al. 2003, Acta Mater. 51, 1663):
+    the metal is replaced by a perfect one of the same flow stress at this strain, by way of the
+    published functions at a yield stress that gives it at 0.033. C grows with the square of the
+    tangent, S/h with the tangent.
+    """
+    tangent = math.tan(math.radians(half_angle)) / math.tan(math.radians(70.3))
+    strain = 0.033 / tangent
+    factor = ((1 + strain * metal.ratio) / (1 + 0.033 * metal.ratio)) ** metal.n
+    loop = published_loop(Metal(metal.E, metal.yield_stress * factor, metal.n))
+    return replace(loop, curvature=loop.curvature * tangent**2, stiffness=loop.stiffness / tangent)
+
+
 def solved_by_formula(config: Config, depth: float) -> ConeLoop:
     """Stand in for the run of `cone_loop.solve_cone_loop`."""
-    return published_loop(metal_of(config))
+    return loop_of_angle(metal_of(config), number_at(config, "indenter.half_angle"))
 
 
 def recorded(
@@ -53,16 +70,21 @@ def recorded(
     noise: float = 0.003,
     points: int = 400,
     contact_point: float = 0.05,
+    compliance: float = 0.0,
 ) -> MeasuredCurve:
-    """Return a loop to 1 um with a baseline, white noise of the force, and unloading."""
+    """Return a loop to 1 um with a baseline, white noise of the force, and unloading.
+
+    With the compliance of a frame [um/mN] the lengths are displacements of its base.
+    """
     up = np.linspace(-0.3, 1.0, points)
     down = loop.depths_of(np.linspace(1.0, 0.0, points // 2 + 1)[1:], 1.0)
     force = np.concatenate([loop.loading(E, up), loop.unloading(E, down, 1.0)])
+    x = np.concatenate([up, down]) + contact_point + compliance * force
     force = force + noise * force.max() * draw.standard_normal(len(force))
     return MeasuredCurve(
         "loop",
         force,
-        delta=np.concatenate([up, down]) + contact_point,
+        **{"z" if compliance else "delta": x},
         units={"length": "um", "force": "mN"},
         parts={"approach": slice(0, points), "retract": slice(points, len(force))},
     )

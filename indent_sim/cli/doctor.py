@@ -119,7 +119,7 @@ def _check_python() -> HealthCheck:
 
 
 def _check_package(name: str, verdict: str, remedy: str) -> HealthCheck:
-    """Check that a package can be imported; verdict and remedy are those for a missing one."""
+    """Check that a package can be imported; verdict and remedy apply if it is missing."""
     interrupt_handler = signal.getsignal(signal.SIGINT)
     try:
         imported = importlib.import_module(IMPORTED_MODULES.get(name, name))
@@ -173,7 +173,7 @@ def _check_mumps() -> HealthCheck:
 
 
 def _check_blas() -> HealthCheck:
-    """Check which BLAS this process has loaded, by its memory map."""
+    """Check which BLAS this process has loaded, as shown by its memory map."""
     importlib.import_module("numpy").dot([1.0], [1.0])
     maps = Path("/proc/self/maps")
     lines = maps.read_text().splitlines() if maps.exists() else []

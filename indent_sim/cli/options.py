@@ -114,7 +114,7 @@ def parse_pixel(
 def parse_rows(
     ctx: click.Context, option: click.Parameter, text: str | None
 ) -> tuple[int, int] | None:
-    """Return the two numbers of A:B, the second of which is larger."""
+    """Return the two numbers of a text A:B, the second of which is larger."""
     if text is None:
         return None
     first, colon, end = text.partition(":")
@@ -126,7 +126,7 @@ def parse_rows(
 def parse_limits(
     ctx: click.Context, option: click.Parameter, text: str | None
 ) -> tuple[float, float] | None:
-    """Return the two numbers of A:B."""
+    """Return the two numbers of a text A:B."""
     if text is None:
         return None
     try:
@@ -139,7 +139,7 @@ def parse_limits(
 def parse_top(
     ctx: click.Context, option: click.Parameter, text: str | None
 ) -> tuple[float, float] | None:
-    """Return the two fractions of A:B, which are per cents, the larger one first."""
+    """Return two fractions from a text A:B in per cent, the larger one first."""
     limits = parse_limits(ctx, option, text)
     if limits is None:
         return None
@@ -183,9 +183,9 @@ columns_option = click.option(
     "--columns",
     callback=parse_words,
     metavar="ROLE=COLUMN,...|DEPTH,FORCE[,TIME]",
-    help="Columns, by title or by number from 1, e.g. z=1,deflection=2,time=4,segment=5; a minus "
-    "before the column turns the sign of its numbers. Roles: depth, z, separation, force, "
-    "deflection, time, segment.",
+    help="Columns, by title or by number from 1, e.g. z=1,deflection=2,time=4,segment=5; a "
+    "minus before the column reverses the sign of its numbers. Roles: depth, z, "
+    "separation, force, deflection, time, segment.",
 )
 sensitivity_option = click.option(
     "--sensitivity",
@@ -196,7 +196,7 @@ sensitivity_option = click.option(
 units_option = click.option(
     "--units",
     callback=parse_pairs,
-    help="Units of a file that gives none, e.g. length=m,force=N.",
+    help="Units of the columns of a file that does not state them, e.g. length=m,force=N.",
 )
 quiet_option = click.option(
     "--quiet",

@@ -36,7 +36,7 @@ Report = dict[str, Any]
 
 @contextmanager
 def show_progress(print_line: Callable[[str], None], config: Config) -> Iterator[Progress]:
-    """Yield a progress function for every row: a bar on a terminal, otherwise log lines.
+    """Yield a function that shows progress after every row: by a bar on a terminal, or by lines.
 
     Parameters
     ----------
@@ -161,7 +161,7 @@ def _onset_lines(report: Report) -> list[str]:
 
 
 def _final_row_lines(outcome: Outcome) -> list[str]:
-    """Return the lines of the last row and, after unloading, of hysteresis and largest force."""
+    """Return lines on the last row and, after unloading, on hysteresis and largest force."""
     from indent_sim.run.summary import row_of_interest
     from indent_sim.run.work_and_loops import hysteresis_loop
 
@@ -224,12 +224,12 @@ def warning_lines(outcome: Outcome) -> list[str]:
 
 
 def _report_section(report: Report, name: str) -> Report:
-    """Return a section of a report; empty if there is none."""
+    """Return a section of a report; empty if the report has no such section."""
     return report.get(name) or {}
 
 
 def _section_sentence(part: Report) -> list[str]:
-    """Return the sentence of a section of a report, if it has one."""
+    """Return the sentence of a section of a report as a list; empty if it has no sentence."""
     return [words] if (words := part.get("words")) else []
 
 
@@ -441,8 +441,9 @@ def hardness_text(result: Hardness) -> str:
     lines = [
         _align_columns(rows, "<"),
         "",
-        "The ± are half-widths of 95 % intervals by the scatter of the samples; errors of area "
-        "function, frame and zero point, and pile-up, are not in them.",
+        "The numbers after ± are half-widths of 95 % intervals from the scatter of the samples; "
+        "they include neither errors of the area function, the frame compliance and the zero "
+        "point, nor the error due to pile-up.",
         *(f"{name}: {words}" for name, words in result.assumptions.items()),
     ]
     if result.truth:
@@ -482,7 +483,7 @@ def calibration_text(calibration: TipCalibration) -> str:
 
 
 def _number_with_error(value: float, error: float | None) -> str:
-    """Return a number with the digits that its error leaves, and the error."""
+    """Return a number with the digits that are significant given its error, and the error."""
     # Five digits are shown of a number whose error is unknown or smaller than them.
     if error is None or error < 1e-5 * abs(value):
         return f"{value:.5g}"
@@ -680,7 +681,7 @@ def _computed_quantity_name(report: Report, theory: Report) -> str:
 
 
 def _theory_line(theory: Report, quantity: str) -> str:
-    """Return a line with the value of `quantity` by theory and the deviation of the run from it."""
+    """Return a line with the value of `quantity` by theory, and the run's deviation from it."""
     exactness = "exact for this body" if theory.get("exact") else theory.get("why", "")
     prescribed, computed = _prescribed_and_computed(theory)
     deviation = f"{theory[f'{computed}_deviation']:+.3%}"

@@ -16,7 +16,7 @@ from indent_sim.model.inclusions import (
     Inclusion,
 )
 from indent_sim.model.materials import Material
-from indent_sim.model.spherical_bodies import Ball, Cap
+from indent_sim.model.spherical_bodies import Ball, Cap, CurvedBody, Ellipsoid
 from indent_sim.model.unbounded_bodies import HalfSpace
 from indent_sim.model.walled_bodies import Box, Strip
 from indent_sim.process.errors import ConfigError
@@ -34,7 +34,7 @@ def cap_errors(config: SceneSections) -> Iterator[ConfigError]:
     if body.height and body.contact_angle:
         yield ConfigError(
             "body.contact_angle",
-            "contradicts height: each of them alone defines the shape of the cap",
+            "cannot be combined with height: each of the two alone defines the shape of the cap",
             "give one of the two",
         )
     elif not body.height and not body.contact_angle:
@@ -57,10 +57,24 @@ def cap_errors(config: SceneSections) -> Iterator[ConfigError]:
         )
 
 
+def ellipsoid_errors(config: SceneSections) -> Iterator[ConfigError]:
+    """Yield an error for an ellipsoid that is nearly a disk or a needle."""
+    body = config.body
+    # Largest ratio of the semi-axes. Elements are about as long as the smaller one divided by 8.
+    max_ratio = 10.0
+    if not isinstance(body, Ellipsoid):
+        return
+    ratio = body.height / (2 * body.radius)
+    if not 1 / max_ratio <= ratio <= max_ratio:
+        problem = f"an ellipsoid with a height of {ratio:.4g} times its width is not modelled"
+        low, high = (f"{2 * body.radius * factor:.4g}" for factor in (1 / max_ratio, max_ratio))
+        yield ConfigError("body.height", problem, f"use a height from {low} to {high}")
+
+
 def resting_body_errors(config: SceneSections) -> Iterator[ConfigError]:
     """Yield errors of parts of the scene that are not modelled with a body that rests on a flat."""
     body = config.body
-    if not isinstance(body, Cap | Ball) or body.base != "unbonded":
+    if not isinstance(body, CurvedBody) or body.base != "unbonded":
         return
     bonded = "use body.base: fixed"
     reasons = (
@@ -76,24 +90,27 @@ def resting_body_errors(config: SceneSections) -> Iterator[ConfigError]:
         ),
         (
             config.yields,
-            "does not yield: both contacts are solved on one compliance",
+            "may not yield: its two contacts are solved with the compliance of an elastic body",
             f"leave material.plasticity out, or {bonded}",
         ),
         (
             any(material.relaxation for _, material in config.materials())
             or config.loading.prescribed_history is not None,
-            "is not modelled with relaxation or a history: the load curve is that of two contacts",
+            (
+                "is not modelled with relaxation or a history, because its load curve is that of "
+                "two contacts"
+            ),
             f"give loading.delta or force, or {bonded}",
         ),
         (
             not config.contact.is_conservative,
-            "is modelled without friction, above and below",
+            "is modelled without friction in both contacts",
             f"leave contact.friction out, or {bonded}",
         ),
         (
             config.contact.adhesion is not None
             or bool(config.experiment and config.experiment.adhesion),
-            "is modelled without adhesion, above and below",
+            "is modelled without adhesion in both contacts",
             f"leave it out, or {bonded}",
         ),
         (
@@ -108,7 +125,7 @@ def resting_body_errors(config: SceneSections) -> Iterator[ConfigError]:
         ),
         (
             config.contact.method == "nitsche",
-            "is solved by static condensation, which nitsche does not allow",
+            "is solved by static condensation, which is not possible with nitsche",
             "use contact.method: auto",
         ),
         (
@@ -210,8 +227,8 @@ def surface_tension_errors(config: SceneSections) -> Iterator[ConfigError]:
     remedy = "give one of the two"
     if config.experiment and config.experiment.adhesion:
         problem = (
-            "cannot be combined with experiment.adhesion: the JKR limit holds for a surface "
-            "without tension"
+            "cannot be combined with experiment.adhesion: the JKR limit holds for a body "
+            "without surface tension"
         )
         yield ConfigError(key, problem, remedy)
     if config.contact.may_snap_through:
@@ -257,7 +274,7 @@ def inclusion_errors(config: SceneSections) -> Iterator[ConfigError]:
 
 
 def _unsupported_inclusion(body: AnyBody, inclusion: Inclusion) -> tuple[str, str] | None:
-    """Return the reason why this body cannot have an inclusion, and a remedy, or None."""
+    """Return why this body cannot have an inclusion, with a remedy; None if it can have it."""
     if isinstance(body, Strip) and inclusion.center[1]:
         return (
             f"a strip is infinite along y, but the center is at y = {inclusion.center[1]:g}",
@@ -308,7 +325,7 @@ def _level_face_problem(faces: Sequence[tuple[str, float]], inclusion: Inclusion
 
 
 def _coating_face_problem(body: AnyBody, inclusion: Inclusion) -> str:
-    """Return a message on an inclusion too close to the inner face of a coating, or ""."""
+    """Return a message on an inclusion too close to the inner face of a coating; else ""."""
     if not isinstance(body, Cap | Ball):
         return ""
     radius = body.spherical_body.radius
@@ -330,11 +347,11 @@ def _coating_face_problem(body: AnyBody, inclusion: Inclusion) -> str:
 def _level_faces(config: SceneSections) -> list[tuple[str, float]]:
     """Return names and z [length] of the horizontal faces from the top.
 
-    The mirror plane of a ball is not one of them, since an inclusion may be centered on it.
+    The mirror plane of a ball is not included, since an inclusion may be centered on it.
     """
     body = config.body
     depths = list(accumulate(layer.thickness or inf for layer in config.layers))
-    if isinstance(body, Cap | Ball):
+    if isinstance(body, CurvedBody):
         depths = [body.spherical_body.height]
     names = [f"the interface below {key_of_layer(k)}" for k in range(len(depths) - 1)]
     names.append(MIRROR_PLANE if isinstance(body, Ball) and body.base == "roller" else "the base")

@@ -69,7 +69,7 @@ def _numbers(
 
 
 def _dimension(unit: Unit | UnitRow | None, is_flat: bool) -> Dimension:
-    """Return the dimension of a unit; angles have none."""
+    """Return the dimension of a unit; angles are dimensionless."""
     if not isinstance(unit, Unit):
         return DIMENSIONLESS
     powers = unit.powers

@@ -14,7 +14,7 @@ from indent_sim.model.units import TaggedBy
 
 
 def remedy_of(hint: Any) -> str:
-    """Return the remedy in the annotations of a type; "" if there is none."""
+    """Return the remedy in the annotations of a type; "" if there is no remedy."""
     marks = hint.__metadata__ if get_origin(hint) is Annotated else ()
     return next((mark for mark in marks if isinstance(mark, str)), "")
 
@@ -59,7 +59,7 @@ def type_of_tag(hint: Any, word: Any) -> type | None:
 
 @cache
 def default_of(kind: Any, name: str) -> Any:
-    """Return the default of a field of a dataclass or pydantic model; None if it has none."""
+    """Return the default of a field of a dataclass or pydantic model; None without a default."""
     if not dataclasses.is_dataclass(kind):
         return kind.model_fields[name].default
     default = next(f.default for f in dataclasses.fields(kind) if f.name == name)
@@ -104,7 +104,7 @@ def bare_type(hint: Any) -> Any:
 def allowed_words(hint: Any) -> tuple[str, ...]:
     """Return the words (literals) that are allowed as a value.
 
-    They include words that set all fields of a dataclass, such as "fixed" for all walls of a box.
+    Included are words that set all fields of a dataclass, such as "fixed" for all walls of a box.
     """
     kinds = [shared_field_type(bare_type(part)) for part in union_members(hint)]
     return tuple(
@@ -115,7 +115,7 @@ def allowed_words(hint: Any) -> tuple[str, ...]:
 def shared_field_type(kind: Any) -> Any:
     """Return the common type of all fields of a dataclass, so that one value can set them all.
 
-    An example are the walls of a box. The result is None if the fields have different types. Types
+    The walls of a box are an example. The result is None if the fields have different types. Types
     other than dataclasses are returned unchanged.
     """
     if not dataclasses.is_dataclass(kind):

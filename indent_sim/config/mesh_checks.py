@@ -46,8 +46,8 @@ def _given_mesh_keys(mesh: MeshSettings, extra_key: str) -> list[str]:
 def mesh_file_errors(config: SceneSections) -> Iterator[ConfigError]:
     """Yield errors in the keys of a mesh from a file.
 
-    Its element sizes are given, refinements apply only to it, and its file must be in the folder of
-    the scene.
+    The element sizes of such a mesh are given, refinements apply only to such a mesh, and the file
+    must be in the folder of the scene.
     """
     body = config.body
     mesh = config.mesh

@@ -45,8 +45,8 @@ def _repeated_errors(
 ) -> Iterator[KeyPath]:
     """Yield keys whose error only repeats another error.
 
-    They are a missing key that was misspelt, a list with invalid items, and a section with invalid
-    keys for which a word is also allowed.
+    Such keys are a missing key that was misspelt, a list with invalid items, and a section with
+    invalid keys that could also be a word.
     """
     for path, (finding, *_) in groups.items():
         is_section = key_types.untagged_sections(schema.node_at(path, document).type)

@@ -56,7 +56,7 @@ def _ratio_errors(
 def _scene_numbers(name: str, section: Any) -> Iterator[SceneNumber]:
     """Yield the numbers with a dimension in a section and in its inner sections.
 
-    For a list the largest number is yielded, for lists of a body also the smallest one.
+    For a list the largest number is yielded, and for lists of a body also the smallest number.
     """
     for field, unit in field_units(type(section)).items():  # type: ignore[arg-type]
         value = getattr(section, field)

@@ -327,7 +327,7 @@ def _dimension_text(exponents: Exponents) -> str:
 
 
 def dimension_of_key(path: KeyPath, document: Mapping[str, Any]) -> str | None:
-    """Return "length", "force" or "pressure" for a key of this dimension; None for any other."""
+    """Return the kind "length", "force" or "pressure" of a key; None for other dimensions."""
     unit = schema.node_unit(schema.node_at(path, document), document)
     kinds = {LENGTH: "length", FORCE: "force", PRESSURE: "pressure"}
     return kinds.get(unit) if isinstance(unit, Unit) else None

@@ -49,8 +49,8 @@ def load(path: SceneInput, overrides: Overrides = ()) -> Config:
     path
         A file, nested dictionaries with the structure of a file, or a config that is to be changed.
     overrides
-        Values by dotted keys, {"contact.method": "penalty"}, or texts as after `--set`, such as
-        "contact.method=penalty".
+        Values by dotted keys, {"contact.method": "penalty"}, or texts in the form of the option
+        `--set`, such as "contact.method=penalty".
 
     Raises
     ------
@@ -70,7 +70,7 @@ def load(path: SceneInput, overrides: Overrides = ()) -> Config:
 def load_result_config(path: str | os.PathLike[str]) -> Config:
     """Return the config of a result, which may contain keys of earlier versions.
 
-    The errors are the same as of `load`.
+    The errors are those of `load`.
     """
     document, source = read_document(path)
     for name, key in schema.REMOVED_KEYS:
@@ -111,7 +111,7 @@ def is_study(document: Mapping[str, Any]) -> bool:
 def read_document(path: str | os.PathLike[str]) -> tuple[Document, Source]:
     """Return the unchecked sections of a YAML file and the position of every key.
 
-    The errors are the same as of `load`.
+    The errors are those of `load`.
     """
     name = os.fspath(path)
     content = _read_content(name)
@@ -138,8 +138,8 @@ def _parse_document(text: str, name: str) -> tuple[Document, Source]:
 def config_from_mapping(data: Mapping[str, Any], overrides: Overrides = ()) -> Config:
     """Return the config of nested mappings, lists, numbers and dataclasses.
 
-    They have the structure of a file. Numbers and arrays of numpy are allowed. `overrides` is as in
-    `load`.
+    The mappings have the structure of a file. Numbers and arrays of numpy are allowed. See `load`
+    for `overrides`.
     """
     return _apply_overrides(plain_document(data), Source(), overrides)
 
@@ -176,8 +176,8 @@ def quantities_of(
 ) -> Quantities:
     """Return the quantities of a document after replacement of some keys.
 
-    The parameters are those of `config_with_settings`. Each quantity is returned as given and as a
-    number in the units of the document. Raises ConfigError for an invalid unit.
+    The parameters are those of `config_with_settings`. Each quantity is returned as it was given,
+    and as a number in the units of the document. Raises ConfigError for an invalid unit.
     """
     new_document = copy.deepcopy(dict(document))
     new_source = Source()
@@ -229,7 +229,7 @@ def _section_document(item: Any) -> Document:
 
 
 def _document_value(value: Any) -> Any:
-    """Return the value of a field as in a file, with one word for equal walls."""
+    """Return the value of a field as it is written in a file, with one word for equal walls."""
     kind: Any = type(value)
     if kind in SCALARS:
         return value
@@ -307,7 +307,7 @@ def collect_errors(
 def _collect_document_errors(
     first: ConfigError, document: Document, source: Source, check: Callable[[Any], object]
 ) -> ConfigError:
-    """Return the errors of a document, including those that remain after repair of the first.
+    """Return the errors of a document, including those that remain after repair of the first error.
 
     An invalid key is replaced by the key that was probably meant, or removed. All errors have
     positions.
@@ -335,7 +335,7 @@ def _independent_errors(
 ) -> list[ConfigError]:
     """Return the errors that do not result from the removal of keys with earlier errors.
 
-    They concern other sections and keys, and do not request a key that was removed.
+    The returned errors concern other sections and keys, and do not request a key that was removed.
     """
     earlier_paths = [
         path[:-1] if path[-1] in schema.TAG_KEYS else path
@@ -364,7 +364,7 @@ def _is_consequence(earlier_errors: Sequence[ConfigError], error: ConfigError) -
 
 
 def _repair_key(document: Document, source: Source, error: ConfigError) -> bool:
-    """Replace an invalid key or value by the one that was probably meant, or remove it.
+    """Replace an invalid key or value by the probable intended one, or remove it.
 
     Returns True if that was possible.
     """

@@ -1,8 +1,8 @@
 """Schema of the scene file: its sections with their keys, types, ranges and defaults.
 
 The dataclasses of `model` define the sections body, material, indenter, contact and loading, and
-those of `scene_sections` define the other sections. Reader, error messages, JSON Schema and
-docs/config.md are derived from this schema.
+the dataclasses of `scene_sections` define the other sections. Reader, error messages, JSON Schema
+and docs/config.md are derived from this schema.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from pydantic import model_validator
 from indent_sim.config import number_limits
 from indent_sim.config.body_checks import (
     cap_errors,
+    ellipsoid_errors,
     inclusion_errors,
     layer_errors,
     resting_body_errors,
@@ -83,6 +84,7 @@ TAG_KEYS = {"shape", "model", "method"}
 # Checks of a config, in the order in which their errors are reported.
 CONSISTENCY_CHECKS = (
     cap_errors,
+    ellipsoid_errors,
     resting_body_errors,
     layer_errors,
     surface_tension_errors,
@@ -153,7 +155,7 @@ class SchemaNode:
 
     @property
     def tag(self) -> str | None:
-        """Key that selects the dataclass of this section; None if there is no choice."""
+        """Key that selects the dataclass of this section; None if there are no alternatives."""
         return tag_of(self.type)
 
     @cached_property
@@ -247,7 +249,7 @@ def file_order(kind: Any) -> tuple[str, ...]:
 
 @cache
 def _file_order(kind: Any) -> tuple[str, ...]:
-    """Return `file_order`, cached; mypy does not regard every class as hashable."""
+    """Return the result of `file_order` from a cache; mypy regards not every class as hashable."""
     tags = [
         name
         for name in TAG_KEYS & set(field_names(kind))

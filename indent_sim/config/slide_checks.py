@@ -18,7 +18,7 @@ HISTORY_KEY = "loading.slide_history"
 
 
 def slide_errors(config: SceneSections) -> Iterator[ConfigError]:
-    """Yield errors of a tip that slides: its direction, and what it cannot be combined with."""
+    """Yield errors of a tip that slides: its direction, and parts that exclude a slide."""
     slide = config.loading.slide
     if slide is not None:
         yield from _direction_errors(config, slide)
@@ -93,20 +93,23 @@ def _point_errors(
 
 
 def _history_obstacles(config: SceneSections) -> Iterator[Obstacle]:
-    """Yield the obstacles to a slide in time that a slide without time does not have."""
+    """Yield the obstacles that exist only for a slide prescribed in time."""
     loading = config.loading
     yield (loading.slide is not None, "is given beside loading.slide", "give one of them")
     yield (
         loading.prescribed_history is None,
         "is a motion in time, but the scene has no history",
-        "give loading.history or loading.force_history, or loading.slide in place of this",
+        (
+            "give loading.history or loading.force_history, or loading.slide in place of "
+            "slide_history"
+        ),
     )
     laws = [material for _, material in config.materials()]
     relaxes_as_a_whole = any(law.relaxation and law.relaxation.of == "all" for law in laws)
     yield (
         relaxes_as_a_whole,
-        "does not fit material.relaxation of all moduli, which is evaluated on the curve of force "
-        "over depth",
+        "cannot be combined with material.relaxation of all moduli, which is computed from the "
+        "curve of force over depth",
         "use material.relaxation with of: shear",
     )
     yield (
@@ -122,7 +125,7 @@ def _history_obstacles(config: SceneSections) -> Iterator[Obstacle]:
 
 
 def _path_obstacles(config: SceneSections) -> Iterator[Obstacle]:
-    """Yield the obstacles to a slide without time that a slide in time does not have."""
+    """Yield the obstacles that exist only for a slide at a held depth or force."""
     loading = config.loading
     yield (
         loading.prescribed_history is not None,
@@ -139,7 +142,7 @@ def _path_obstacles(config: SceneSections) -> Iterator[Obstacle]:
 
 
 def _obstacles(config: SceneSections) -> Iterator[Obstacle]:
-    """Yield the obstacles to any slide."""
+    """Yield the obstacles that exist for every slide."""
     body = config.body
     yield (
         not isinstance(body, Strip | Box | Cylinder),
@@ -148,17 +151,23 @@ def _obstacles(config: SceneSections) -> Iterator[Obstacle]:
     )
     yield (
         isinstance(config.indenter, Plate),
-        "does not fit a plate, which covers the whole top and has no contact that moves",
+        (
+            "is not possible with a plate, which covers the whole top, so that the contact cannot "
+            "move"
+        ),
         "use another tip",
     )
     yield (
         getattr(config.indenter, "material", None) is not None,
-        "does not fit a soft tip, whose model is axisymmetric",
+        "is not possible with a soft tip, whose model is axisymmetric",
         "leave indenter.material or the slide out",
     )
     yield (
         config.experiment is not None,
-        "does not fit an experiment, which is evaluated on the curve of force over depth",
+        (
+            "cannot be combined with the section experiment, which is computed from the curve of "
+            "force over depth"
+        ),
         "leave experiment or the slide out",
     )
     yield (
@@ -168,11 +177,11 @@ def _obstacles(config: SceneSections) -> Iterator[Obstacle]:
     )
     yield (
         config.map is not None,
-        "does not fit a map, whose curves are forces over the depth",
+        "cannot be combined with the section map, whose curves are forces over the depth",
         "leave the slide out",
     )
     yield (
         config.yields,
-        "is not verified together with plasticity: a groove that the tip ploughs",
+        "is not verified together with plasticity, where the tip ploughs a groove",
         "leave plasticity or the slide out",
     )

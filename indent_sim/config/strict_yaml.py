@@ -1,7 +1,8 @@
 """Strict reader of YAML 1.2 (core schema): plain data with the line of every key.
 
-`1e-6` is a number, `on` and `yes` are words, `010` is ten. Errors are raised for repeated keys,
-tags, anchors, aliases, a second document, and files that are too long or nested too deeply.
+`1e-6` is a number, `on` and `yes` are words, and `010` is the number ten. Errors are raised for
+repeated keys, tags, anchors, aliases, a second document, and files that are too long or nested too
+deeply.
 """
 
 from __future__ import annotations
@@ -97,7 +98,7 @@ def dump(data: Mapping[str, Any], indent: str = "") -> str:
 
 
 class _EventReader:
-    """Reader of the parser's events: plain data, and the line of every key path."""
+    """Reader of the parser's events, which returns plain data and the line of every key path."""
 
     def __init__(self, name: str):
         self.name = name
@@ -117,7 +118,10 @@ class _EventReader:
         return value
 
     def node(self, event: Any, events: Iterator[yaml.Event], path: KeyPath) -> Any:
-        """Return the value that begins with an event: a scalar, a list or a mapping."""
+        """Return the value that begins with an event of the YAML parser.
+
+        The value is a scalar, a list or a mapping.
+        """
         self.lines.setdefault(path, event.start_mark.line + 1)
         max_values = 200_000
         if len(self.lines) > max_values:

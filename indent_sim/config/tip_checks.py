@@ -10,7 +10,7 @@ from indent_sim.model.body import Cylinder
 from indent_sim.model.contact import AugmentedLagrangian, AutoContact
 from indent_sim.model.experiment import Experiment, JKRAdhesion
 from indent_sim.model.gel import Gel
-from indent_sim.model.spherical_bodies import Ball, Cap
+from indent_sim.model.spherical_bodies import Ball, Cap, CurvedBody, Ellipsoid
 from indent_sim.model.tilted_tip import largest_tilt
 from indent_sim.model.tips import (
     FlatPunch,
@@ -25,7 +25,7 @@ from indent_sim.model.walled_bodies import Box, Strip
 from indent_sim.process.errors import ConfigError
 
 # Bodies on whose axis a soft tip can be placed.
-AXISYMMETRIC_BODIES = (Cylinder, HalfSpace, InfiniteLayer, Cap, Ball)
+AXISYMMETRIC_BODIES = (Cylinder, HalfSpace, InfiniteLayer, Cap, Ball, Ellipsoid)
 
 
 def contact_errors(config: SceneSections) -> Iterator[ConfigError]:
@@ -53,8 +53,8 @@ def center_errors(config: SceneSections) -> Iterator[ConfigError]:
     """Yield errors in the position of the tip's axis."""
     center = config.center
     needed = len(config.body.center)
-    if isinstance(config.body, UnboundedBody | Cap | Ball) and any(center or ()):
-        if isinstance(config.body, Cap | Ball):
+    if isinstance(config.body, UnboundedBody | CurvedBody) and any(center or ()):
+        if isinstance(config.body, CurvedBody):
             reason = f"the tip is on the axis of a {config.body.shape}"
         else:
             reason = f"all positions on a {config.body.shape} are equivalent"
@@ -84,7 +84,7 @@ def tip_errors(config: SceneSections) -> list[ConfigError]:
                 "use a box, a cylinder or a half_space",
             )
         ]
-    if isinstance(config.body, Cap | Ball) and not tip.is_axisymmetric:
+    if isinstance(config.body, CurvedBody) and not tip.is_axisymmetric:
         problem = f"a {tip.shape} on a {config.body.shape}, which is axisymmetric, is not possible"
         return [
             ConfigError(
@@ -145,7 +145,7 @@ def tilt_errors(config: SceneSections) -> Iterator[ConfigError]:
         part = "an edge" if isinstance(tip, RegularPyramid) else "its flank"
         problem = f"at a tilt of {limit:.4g} degrees this {tip.shape} lies on {part}"
         yield ConfigError(key, problem, f"use less than {limit:.4g}")
-    if isinstance(config.body, Cap | Ball) or (
+    if isinstance(config.body, CurvedBody) or (
         getattr(config.body, "kinematics", "") == "axisymmetric"
     ):
         problem = f"a tilted {tip.shape} on a {config.body.shape}, which is axisymmetric"
@@ -227,7 +227,7 @@ def _soft_tip_conflicts(config: SceneSections, key: str) -> Iterator[ConfigError
     reasons = (
         (
             any(material.is_time_dependent for _, material in config.materials()),
-            "needs a body that does not depend on time",
+            "needs a body whose response does not depend on time",
             "leave material.flow and relaxation of shear out",
         ),
         (
@@ -298,7 +298,10 @@ def _finite_strain_tip_conflicts(config: SceneSections, key: str) -> Iterator[Co
         ),
         (
             any(material.relaxation for material in materials),
-            "does not relax, so that the force of both bodies is no product with one relaxation",
+            (
+                "does not relax, so that the force of body and tip together does not relax like "
+                "the modulus of the body"
+            ),
             "leave material.relaxation out",
         ),
         (
@@ -307,8 +310,8 @@ def _finite_strain_tip_conflicts(config: SceneSections, key: str) -> Iterator[Co
             "use shape: sphere or paraboloid, or linear elastic materials",
         ),
         (
-            isinstance(config.body, Ball),
-            "is not modelled on a ball between two tips",
+            isinstance(config.body, Ball | Ellipsoid),
+            f"is not modelled on a {config.body.shape} between two tips",
             "use a cap, or linear elastic materials",
         ),
         (
@@ -328,7 +331,7 @@ def _finite_strain_tip_conflicts(config: SceneSections, key: str) -> Iterator[Co
         ),
         (
             config.output.nodal_stress,
-            "has no stress at the vertices of the body's grid",
+            "cannot be combined with stresses at the nodes",
             "leave output.nodal_stress out",
         ),
     )
@@ -388,14 +391,15 @@ def _jkr_errors(config: SceneSections, adhesion: JKRAdhesion) -> Iterator[Config
         yield ConfigError(key, problem.format(body.shape), remedy)
     if not config.tip.is_axisymmetric:
         yield ConfigError(key, problem.format(config.tip.shape), "use an upright tip of revolution")
-    if isinstance(tip, Plate) and not isinstance(body, Cap | Ball):
+    if isinstance(tip, Plate) and not isinstance(body, CurvedBody):
         problem = "the contact of a plate on a flat top does not shrink, but separates all at once"
         yield ConfigError(key, problem, "use another tip")
-    if isinstance(tip, FlatPunch) and not tip.edge_radius and not isinstance(body, Cap | Ball):
+    if isinstance(tip, FlatPunch) and not tip.edge_radius and not isinstance(body, CurvedBody):
         problem = "the contact of a sharp flat punch does not shrink, but separates all at once"
         yield ConfigError(key, problem, "give the punch an edge_radius")
     if adhesion.range and not hasattr(tip, "R"):
         problem = (
-            f"only gives the Tabor number of a tip with a radius R, but a {tip.shape} has none"
+            f"is used only for the Tabor number of a tip with a radius R, but a {tip.shape} has "
+            "none"
         )
         yield ConfigError(f"{key}.range", problem, "leave it out")

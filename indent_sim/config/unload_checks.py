@@ -12,7 +12,7 @@ KEY = "loading.unload"
 
 
 def unload_errors(config: SceneSections) -> Iterator[ConfigError]:
-    """Yield errors of `loading.unload`: its end, and what it cannot be combined with."""
+    """Yield errors of `loading.unload`: its end, and parts of the scene that exclude it."""
     unload = config.loading.unload
     if unload is None:
         return
@@ -36,7 +36,7 @@ def _last_value(loading: Loading) -> float | None:
 
 
 def _obstacles(config: SceneSections) -> Iterator[tuple[bool, str, str]]:
-    """Yield whether an obstacle applies, with the text of the problem and the remedy."""
+    """Yield obstacles: whether each applies, with the text of the problem and the remedy."""
     loading = config.loading
     yield (
         loading.prescribed_history is not None,
@@ -45,7 +45,10 @@ def _obstacles(config: SceneSections) -> Iterator[tuple[bool, str, str]]:
     )
     yield (
         loading.slide is not None,
-        "does not fit loading.slide: both follow the last of the prescribed depths or forces",
+        (
+            "cannot be combined with loading.slide: both follow the last of the prescribed depths "
+            "or forces"
+        ),
         "leave one of them out",
     )
     yield (
@@ -55,12 +58,15 @@ def _obstacles(config: SceneSections) -> Iterator[tuple[bool, str, str]]:
     )
     yield (
         config.experiment is not None,
-        "does not fit an experiment, which is evaluated on the curve of force over depth",
+        (
+            "cannot be combined with the section experiment, which is computed from the curve of "
+            "force over depth"
+        ),
         "leave experiment or loading.unload out",
     )
     yield (
         config.map is not None,
-        "does not fit a map, whose curves are forces over the depth",
+        "cannot be combined with the section map, whose curves are forces over the depth",
         "leave loading.unload out",
     )
     last_value = _last_value(loading)

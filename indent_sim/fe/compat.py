@@ -132,8 +132,8 @@ def function_space(mesh: Mesh, element: Element) -> fem.FunctionSpace:
 def _coordinate_element(dim: int, order: int) -> Element:
     """Vector-valued Lagrange element of the mesh coordinates.
 
-    FFCx before 0.7 sets the variant of the element when it compiles the first kernel, which changes
-    the names of later kernels; so it is set here.
+    FFCx before 0.7 sets the variant of the element when it compiles the first kernel, which would
+    change the names of later kernels. This function therefore sets the variant before.
     """
     if DOLFINX_VERSION >= (0, 8):
         return lagrange_element(dim, order, dim)
@@ -148,8 +148,8 @@ def create_mesh(comm: MPI.Comm, cells: np.ndarray, points: np.ndarray, dim: int)
     comm : MPI.Comm
         Communicator.
     cells : ndarray of int, (n, corners) or (n, corners + edges)
-        This rank's share of the cells: numbers of their corners, for quadratic triangles (dim 2)
-        followed by those of the edge midpoints, the k-th one opposite to corner k.
+        This rank's share of the cells: numbers of their corners. For quadratic triangles (dim 2)
+        the numbers of the edge midpoints follow, of which the k-th one is opposite to corner k.
     points : ndarray, (m, dim)
         This rank's share of the points [length].
     dim : int
@@ -219,7 +219,7 @@ def petsc_vector(function: fem.Function) -> PETSc.Vec:
 
 
 def evaluate_expression(expression: fem.Expression, mesh: Mesh, cells: np.ndarray) -> np.ndarray:
-    """Evaluate an Expression at its points in the given cells; return (cells, values)."""
+    """Evaluate an Expression at its own points in the given cells; return (cells, values)."""
     return np.asarray(
         expression.eval(cells) if DOLFINX_VERSION < (0, 7) else expression.eval(mesh, cells)
     )
@@ -231,7 +231,7 @@ class _ComponentSimplifier(MultiFunction):
     expr = MultiFunction.reuse_if_untouched
 
     def indexed(self, expression: Expr, tensor: Expr, index: Expr) -> Expr:
-        """Return the component of a list tensor, component tensor or identity."""
+        """Simplify the indexing of a list tensor, component tensor or identity to its component."""
         first, *rest = index
         if isinstance(tensor, ListTensor) and isinstance(first, FixedIndex):
             row = tensor.ufl_operands[int(first)]
@@ -249,7 +249,7 @@ class _ComponentSimplifier(MultiFunction):
         )
 
     def conditional(self, expression: Expr, condition: Expr, true: Expr, false: Expr) -> Expr:
-        """Return zero if both branches are zero."""
+        """Simplify a conditional expression to zero if both of its branches are zero."""
         if isinstance(true, Zero) and isinstance(false, Zero):
             return true
         return self.reuse_if_untouched(expression, condition, true, false)
@@ -314,7 +314,7 @@ def quadrature_rule(cell: str, degree: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def versions() -> dict[str, str]:
-    """Return the versions of the libraries on which the results of a run depend, by name.
+    """Return the versions, by name, of the libraries on which the results of a run depend.
 
     The version of gmsh is not among them, because gmsh runs in another process.
     """

@@ -49,8 +49,8 @@ def find_support_shares(
     """Divide the reaction of each constrained dof among the supports that constrain it.
 
     Two supports that constrain a node along the same axis, such as a fixed base and fixed sides at
-    their common edge, each get half of its reaction. On a mirror plane or the axis, the normal
-    reaction is attributed to the symmetry condition alone.
+    their common edge, are each assigned half of the reaction of this node. On a mirror plane or the
+    axis, the normal reaction is attributed to the symmetry condition alone.
 
     Parameters
     ----------

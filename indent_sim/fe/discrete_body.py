@@ -97,7 +97,10 @@ class Body:
 
     @property
     def before(self) -> TimeLevel:
-        """Accepted state, created on first use because few terms need it."""
+        """Accepted state of the body.
+
+        It is created on first use, because few terms need it.
+        """
         self._before = self._before or self._create_time_level(fem.Function(self.unknowns.space))
         return self._before
 
@@ -107,7 +110,7 @@ class Body:
         return float((self._before or self.now).delta.value)
 
     def slide_tip(self, slide: float) -> None:
-        """Set the current horizontal displacement of the tip from where it was pressed in."""
+        """Set the horizontal displacement of the tip since it was pressed in."""
         self.slide = slide
         for constant, c in zip(
             self.now.center, self.scene.physics.track.position(slide), strict=True
@@ -159,7 +162,7 @@ class Body:
         )
 
     def region_integral(self, density: Expr, region: Region) -> ufl.Form:
-        """UFL form of the integral of a density over a region, with 2 pi r if axisymmetric."""
+        """UFL form of the integral of a density over a region, times 2 pi r if axisymmetric."""
         return density * self.weight * self.region_measure(region)
 
     def region_measure(self, region: Region) -> ufl.Measure:
@@ -244,7 +247,7 @@ class Body:
     def _constrain_at_supports(self, field: Field) -> None:
         """Set components of a field to zero where the same component of u is constrained.
 
-        The component does no work there and would otherwise be undetermined.
+        At these dofs the component does no work, and would otherwise be undetermined.
         """
         dim = self.body_mesh.dim - 1
         surfaces = self.body_mesh.surfaces
@@ -269,7 +272,7 @@ class Body:
             self._prescribed_values.append((dofs, value))
 
     def apply_prescribed_values(self) -> None:
-        """Write non-zero prescribed values into the solution; Newton's method keeps them."""
+        """Write non-zero prescribed values into the solution; Newton steps leave them unchanged."""
         for dofs, value in self._prescribed_values:
             self.local_array()[dofs] = value
 

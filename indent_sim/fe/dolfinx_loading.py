@@ -108,7 +108,7 @@ def _choose_folders() -> None:
 
 
 def _environment_folder(variable: str, inside_home: str) -> Path | None:
-    """Folder given by an environment variable, else `inside_home`; None without a home folder."""
+    """Folder given by an environment variable, else `inside_home`; None if there is no home."""
     if given := os.environ.get(variable):
         return Path(given).absolute()
     try:

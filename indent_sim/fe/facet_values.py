@@ -13,7 +13,7 @@ from indent_sim.fe.shape_functions import barycentric
 
 
 def adjacent_cells(mesh: Mesh, facets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the cell of each boundary facet and the facet's local number in it, both (facets,)."""
+    """Return the cell of each boundary facet (facets,), and the facet's number in this cell."""
     dim = mesh.topology.dim
     to_cell = mesh.topology.connectivity(dim - 1, dim)
     to_facet = mesh.topology.connectivity(dim, dim - 1)
@@ -52,8 +52,8 @@ def cell_heights(mesh: Mesh, facets: np.ndarray) -> np.ndarray:
 class FacetValues:
     """Values of a UFL expression at points of the reference facet, on facets of this rank.
 
-    Creation is collective: every rank compiles the kernels that any rank needs, because a rank with
-    few facets would otherwise leave the others waiting.
+    Creation is collective: every rank compiles the kernels that any rank needs, because a rank that
+    does not compile would let the other ranks wait forever.
 
     Parameters
     ----------

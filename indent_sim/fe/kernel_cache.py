@@ -1,10 +1,10 @@
 """Cache of compiled kernels, in which one process compiles at a time.
 
 FFCx creates a .c file when it begins to compile a kernel and a .c.cached file when it has finished.
-A process that finds the first without the second waits ten seconds and fails, even if the process
-that compiled was killed. Here, processes compile while they hold a file lock, which the operating
-system releases even if the process is killed. A kernel that is incomplete while the lock is free
-was abandoned and is compiled again.
+A process that finds only the .c file waits ten seconds and fails, even if the compiling process was
+killed. In this module a process compiles while it holds a file lock, which the operating system
+releases even if the process is killed. A kernel that is incomplete while the lock is free was
+abandoned and is compiled again.
 """
 
 from __future__ import annotations
@@ -55,8 +55,8 @@ def create_function_space(mesh: Mesh, element: compat.Element) -> fem.FunctionSp
 def _exclusive_cache(comm: MPI.Comm) -> Iterator[None]:
     """Context manager that keeps other processes from compiling kernels.
 
-    Only rank 0 holds the lock, because dolfinx compiles there before the other ranks look for the
-    kernel.
+    Only rank 0 holds the lock, because dolfinx compiles on rank 0 before the other ranks look for
+    the kernel.
 
     Raises
     ------
@@ -96,7 +96,7 @@ def _exclusive_cache(comm: MPI.Comm) -> Iterator[None]:
 
 
 def _acquire(lock: IO[Any], folder: Path) -> None:
-    """Acquire the file lock; on a file system without locks, continue without one."""
+    """Acquire the file lock; if the file system has no locks, continue without a lock."""
     try:
         lock_file(lock.fileno())
     except BlockingIOError:

@@ -41,8 +41,8 @@ class BodyMesh:
     hash : str
         Hash of the grid.
     body_counts : tuple of int, optional
-        Numbers of vertices and cells of the body, which come before those of a soft tip; None if
-        the mesh contains no tip.
+        Numbers of vertices and cells of the body, which precede the vertices and cells of a soft
+        tip; None if the mesh contains no tip.
     """
 
     mesh: dolfinx.mesh.Mesh
@@ -107,7 +107,7 @@ def distribute_with_tip(grid: Grid, tip_grid: Grid, scene: Scene, comm: MPI.Comm
     grid, tip_grid : Grid
         The grids of the body and of the tip upside down.
     scene : Scene
-        The scene, whose domain is that of both bodies.
+        The scene, whose domain consists of both bodies.
     comm : MPI.Comm
         Communicator of this process alone.
     """
@@ -184,7 +184,7 @@ def _curved_geometry(grid: Grid, part: ModelDomain) -> tuple[np.ndarray, np.ndar
 
 
 def _quadratic_geometry(grid: Grid, part: ModelDomain) -> tuple[np.ndarray, np.ndarray]:
-    """Return points and cells of a section with edge midpoints, those of a spherical top on it."""
+    """Return points and cells of a section; edge midpoints on a spherical top are on the sphere."""
     corners = grid.cells
     n = len(grid.points)
     edges = np.sort(corners[:, [[1, 2], [0, 2], [0, 1]]], axis=2).reshape(-1, 2)
@@ -200,12 +200,14 @@ def _move_onto_spheres(
 ) -> None:
     """Move the midpoints of edges on spherical surfaces and layer interfaces onto the sphere.
 
+    Midpoints on an ellipsoid are moved in coordinates in which the ellipsoid is a sphere.
+
     Parameters
     ----------
     grid : Grid
         The grid.
     part : ModelDomain
-        Its model domain.
+        Model domain of the grid.
     middles : ndarray, (edges, 2)
         Midpoints of the edges [length]; they are changed.
     ends : ndarray of int, (edges, 2)
@@ -213,21 +215,22 @@ def _move_onto_spheres(
     number : ndarray of int
         Numbers of the edges of each cell.
     """
-    assert part.top_radius is not None
+    arc = part.top_arc
+    assert arc is not None
     arcs = {side.surface for side in part.outline if side.center is not None}
     is_on_sphere = _match_facets(
         ends, np.concatenate([grid.surfaces[name] for name in sorted(arcs)])
     )
     # The contact surface of a cap that rests on a flat consists of its flat base and of an arc of
     # the sphere beside it.
-    radii = np.hypot(grid.points[:, 0], grid.points[:, 1] + part.top_radius)
-    is_off_sphere = np.abs(radii - part.top_radius) > SPHERE_TOLERANCE * part.top_radius
+    radii = np.hypot(grid.points[:, 0], grid.points[:, 1] / arc.stretch + arc.radius)
+    is_off_sphere = np.abs(radii - arc.radius) > SPHERE_TOLERANCE * arc.radius
     is_on_sphere &= ~is_off_sphere[ends].any(axis=1)
-    middles[is_on_sphere] = np.column_stack(
-        nearest_on_sphere(part.top_radius, *middles[is_on_sphere].T)
-    )
+    r, z = middles[is_on_sphere].T
+    r, height = nearest_on_sphere(arc.radius, r, z / arc.stretch)
+    middles[is_on_sphere] = np.column_stack([r, arc.stretch * height])
     for z, is_on_interface in _layer_interfaces(grid, part, number.ravel(), len(ends)):
-        r, height = nearest_on_sphere(part.top_radius + z, *(middles[is_on_interface] - [0.0, z]).T)
+        r, height = nearest_on_sphere(arc.radius + z, *(middles[is_on_interface] - [0.0, z]).T)
         middles[is_on_interface] = np.column_stack([r, height + z])
 
 
@@ -241,7 +244,7 @@ def _layer_interfaces(
     grid : Grid
         The grid.
     part : ModelDomain
-        Its model domain.
+        Model domain of the grid.
     edge_numbers : ndarray of int, (3 cells,)
         Numbers of the edges of each cell.
     edge_count : int

@@ -41,8 +41,8 @@ class Snapshot:
     depth : float
         Indentation depth delta [length].
     unknowns : tuple of PETSc.Vec
-        Solution vector and the functions that are fixed during Newton's method; all of them may be
-        extrapolated and interpolated.
+        Solution vector and the functions that are fixed during Newton's method; all these unknowns
+        may be extrapolated and interpolated.
     history : tuple of ndarray
         Internal variables of the terms, which must not be extrapolated.
     t : float
@@ -106,8 +106,8 @@ class Problem:
     def _time_levels(self, term: Term) -> tuple[TimeLevel, TimeLevel, fem.Constant]:
         """Return the arguments of a term's forms: current and accepted time level, and time step.
 
-        A path-independent term gets the current level twice, so that `Body.before` need not be
-        created.
+        For a path-independent term the current level is returned twice, so that `Body.before` need
+        not be created.
         """
         before = self.body.before if term.has_memory else self.body.now
         return self.body.now, before, self.body.dt
@@ -162,14 +162,14 @@ class Problem:
     def limit_curvature(self, *, is_limited: bool) -> None:
         """Switch the limit of the pressure in the tangent's curvature term on or off.
 
-        It is needed far from equilibrium, see `terms.contact.traction.Traction.tangent`.
+        The limit is needed far from equilibrium; see `terms.contact.traction.Traction.tangent`.
         """
         for term in self.terms:
             term.limit_curvature(is_limited=is_limited)
 
     @property
     def has_membrane(self) -> bool:
-        """True if a term has a membrane stiffness, see `set_membrane_stiffness`."""
+        """True if a term has a membrane stiffness; see `set_membrane_stiffness`."""
         return any(term.has_membrane for term in self.terms)
 
     def set_membrane_stiffness(self, stiffness: float) -> None:
@@ -193,7 +193,7 @@ class Problem:
             term.begin_solve()
 
     def assemble_residual(self, b: PETSc.Vec) -> None:
-        """Assemble the residual at the current solution; constrained rows of `b` hold reactions."""
+        """Assemble the residual at the present solution; constrained rows of `b` are reactions."""
         with b.localForm() as local:
             local.set(0.0)
         fem_petsc.assemble_vector(b, self._residual_form)
@@ -211,7 +211,7 @@ class Problem:
         A.assemble()
 
     def stages(self, dt: float) -> list[Stage]:
-        """Return the stages of a step of length `dt` [time]: two (SDIRK2) with flow, else one."""
+        """Return the stages of a step of length `dt` [time]: two with flow (SDIRK2), else one."""
         return sdirk2_stages(dt) if dt and self.has_flow else [Stage(dt, dt)]
 
     def begin_stage(self, stage: Stage) -> None:
@@ -269,10 +269,10 @@ class Problem:
         self.scale_contact_stiffness(state.modulus_ratio)
 
     def is_admissible(self) -> bool:
-        """Return whether J > 0 and all limits of the elastic law hold at every quadrature point.
+        """Return whether J > 0 and the limits of the elastic law hold at all quadrature points.
 
-        Only then is the energy finite. Residual and tangent do not reveal a violation, because the
-        derivative of ln J is finite also for J < 0.
+        J is the volume ratio det F. The energy is finite only under these conditions. Residual and
+        tangent do not reveal a violation, because the derivative of ln J is finite also for J < 0.
         """
         return self.scene.physics.small_strain or bool(np.isfinite(self.energy()))
 
@@ -289,7 +289,7 @@ class Problem:
         return self.sum_over_body(sum(term.side_force(axis) for term in self.terms))
 
     def hold_plastic_flow(self, *, is_held: bool) -> None:
-        """Suppress plastic flow in all terms, or permit it again."""
+        """Suppress plastic flow in all terms, or allow it again."""
         for term in self.terms:
             term.hold_plastic_flow(is_held=is_held)
 

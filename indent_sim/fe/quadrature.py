@@ -30,7 +30,7 @@ def split_quadrature(dim: int) -> tuple[np.ndarray, np.ndarray]:
 def facet_lattice(dim: int) -> tuple[np.ndarray, np.ndarray]:
     """Equally spaced points (n, dim - 1) on the reference facet, and the simplices between them.
 
-    They are used to locate the contact edge inside a facet.
+    The simplices are used to locate the contact edge inside a facet.
     """
     # Subdivisions of the edge of a facet: the contact edge is found to one of them.
     n = {2: 32, 3: 8}[dim]

@@ -40,8 +40,8 @@ __all__ = [
 def create_equilibrium(scene: Scene, mesh: BodyMesh) -> Equilibrium:
     """Create the equilibrium problem of a scene on its mesh.
 
-    The body is condensed to its contact surface if the scene's solver is `condensed`, and a soft
-    tip with it.
+    If the scene's solver is `condensed`, the body and a soft tip are condensed to their contact
+    surfaces.
     """
     if scene.solver.method == "condensed":
         body = Body(scene, mesh, pressure_fields(scene))
@@ -54,8 +54,8 @@ def create_equilibrium(scene: Scene, mesh: BodyMesh) -> Equilibrium:
 def distribute_scene(scene: Scene, grid: Grid | None, comm: MPI.Comm) -> BodyMesh:
     """Distribute the grid of a scene among all ranks (collective).
 
-    A soft tip at finite strain is meshed and joined with the body. A condensed one has a mesh of
-    its own.
+    A soft tip at finite strain is meshed and joined with the body. A condensed soft tip has a mesh
+    of its own.
 
     Parameters
     ----------
@@ -85,9 +85,9 @@ def distribute_scene(scene: Scene, grid: Grid | None, comm: MPI.Comm) -> BodyMes
 
 
 def _condenser(scene: Scene, body: Body) -> BodyCondenser:
-    """Condense the body, with a flat on which it rests, and mesh and condense a soft tip with it.
+    """Condense the body and, if the scene has them, a flat below it and a soft tip (collective).
 
-    The call is collective.
+    The soft tip is meshed first.
     """
     rests = scene.physics.domain.rests_on_flat
     body_condenser = RestingBodyCondenser(body) if rests else Condenser(body)

@@ -49,15 +49,15 @@ class Trace:
 
     @property
     def has_ripples(self) -> bool:
-        """True if a multiplier oscillates at the vertices, see `interpolate_from_midpoints`."""
+        """True if a multiplier oscillates at the vertices; see `interpolate_from_midpoints`."""
         return self.dim == 3
 
     @cached_property
     def facet_sizes(self) -> np.ndarray:
         """Size of each facet (facets,) [length].
 
-        The size of an edge is its length, that of a triangle the side of an equilateral triangle of
-        equal area.
+        The size of an edge is its length; the size of a triangle is the side of an equilateral
+        triangle of equal area.
         """
         edges = self.X[:, 1 : self.dim] - self.X[:, :1]
         squares = np.linalg.det(edges @ np.swapaxes(edges, 1, 2))

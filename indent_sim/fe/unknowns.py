@@ -124,7 +124,7 @@ class Unknowns:
         return ufl.as_vector(list(chain.from_iterable(components_of_fields.values())))
 
     def subspace(self, name: str, component: int | None = None) -> fem.FunctionSpace:
-        """Subspace of a field, or of one component of it."""
+        """Return the subspace of a field, or of one of its components."""
         space = self.space if len(self.names) == 1 else self.space.sub(self.names.index(name))
         return space if component is None else space.sub(component)
 

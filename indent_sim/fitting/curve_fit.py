@@ -105,6 +105,9 @@ class FitRequest:
         Options of the contact point and the baseline.
     models
         Whether alternative models are fitted only when needed, or always.
+    other_tips
+        Keys and values of the tips of the second and further curves, "KEY=VALUE"; all curves are
+        then fitted together.
     """
 
     config: Config
@@ -112,6 +115,7 @@ class FitRequest:
     curve_part: CurvePart = "approach"
     origin: OriginOptions = field(default_factory=OriginOptions)
     models: ModelChoice = "needed"
+    other_tips: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -127,7 +131,7 @@ class PlottedCurve:
     alternative_fits
         Forces by other models, by name.
     t
-        Times from first contact [s] if the force depends on time, else None.
+        Times from first contact [s]; None if the force does not depend on time.
     """
 
     delta: np.ndarray
@@ -156,7 +160,7 @@ class CurveFit:
 
 
 def keys_of_part(keys: Sequence[str], part: CurvePart) -> tuple[str, ...]:
-    """Return the varied keys; a work of adhesion has two, if both branches are fitted."""
+    """Return the varied keys; a work of adhesion becomes two keys if both branches are fitted."""
     if part == "both" and ADHESION_WORK_KEY in keys and RETRACT_WORK_KEY not in keys:
         after = list(keys).index(ADHESION_WORK_KEY) + 1
         return (*keys[:after], RETRACT_WORK_KEY, *keys[after:])
@@ -164,7 +168,7 @@ def keys_of_part(keys: Sequence[str], part: CurvePart) -> tuple[str, ...]:
 
 
 def rejected_fit(name: str, reason: str, seconds: float = 0.0) -> CurveFit:
-    """Return the result for a curve that was rejected, with the reason."""
+    """Return the result for a rejected curve, with the reason of the rejection."""
     return CurveFit({"curve": name, "status": "refused", "reason": reason, "seconds": seconds})
 
 
@@ -174,7 +178,7 @@ def fit_curve(curve: MeasuredCurve, request: FitRequest, tables: ForwardModelCac
     Parameters
     ----------
     curve
-        The measured curve, in its own units.
+        The measured curve, in the units of its file.
     request
         The scene and the settings of the fit.
     tables
@@ -189,31 +193,38 @@ def fit_curve(curve: MeasuredCurve, request: FitRequest, tables: ForwardModelCac
     start_time = time.process_time()
     try:
         with np.errstate(all="ignore"):
-            converted = convert_to_scene_units(curve, request.config)
-            if request.config.yields:
-                converted = _with_parts_by_force(converted)
-            return _fit_and_assess(
-                converted.part(request.curve_part),
-                request,
-                tables,
-                start_time,
-            )
-    except (FitRejected, ForwardModelUnavailable) as error:
-        return rejected_fit(curve.name, str(error), time.process_time() - start_time)
-    except NoCurve as error:
-        return rejected_fit(curve.name, error.problem, time.process_time() - start_time)
-    except NUMERICAL_ERRORS as error:
-        error_text = " ".join(str(error).split())[:120]
-        reason = (
-            f"the fit failed numerically ({error_text}); check the columns and units of the curve"
-        )
-        return rejected_fit(curve.name, reason, time.process_time() - start_time)
+            return _fit_and_assess(fitted_part(curve, request), request, tables, start_time)
+    except FIT_ERRORS as error:
+        return rejected_fit(curve.name, fit_reason(error), time.process_time() - start_time)
+
+
+# Errors of a curve that cannot be fitted.
+FIT_ERRORS = (FitRejected, ForwardModelUnavailable, NoCurve, *NUMERICAL_ERRORS)
+
+
+def fit_reason(error: Exception) -> str:
+    """Return the reason for which a curve was rejected, of one of FIT_ERRORS."""
+    if isinstance(error, FitRejected | ForwardModelUnavailable):
+        return str(error)
+    if isinstance(error, NoCurve):
+        return error.problem
+    error_text = " ".join(str(error).split())[:120]
+    return f"the fit failed numerically ({error_text}); check the columns and units of the curve"
+
+
+def fitted_part(curve: MeasuredCurve, request: FitRequest) -> MeasuredCurve:
+    """Return the part of a curve that is fitted, in the units of the scene."""
+    converted = convert_to_scene_units(curve, request.config)
+    if request.config.yields:
+        converted = _with_parts_by_force(converted)
+    return converted.part(request.curve_part)
 
 
 def _with_parts_by_force(curve: MeasuredCurve) -> MeasuredCurve:
-    """Return the curve of a body that yields with its parts found by the force.
+    """Return the curve of a body that yields, divided into its parts by the force.
 
-    Such a body recovers by some per cent of the depth, so that by its depth unloading is a hold.
+    Such a body recovers by only some per cent of the depth, so that a division by the depth would
+    take unloading for a hold.
     """
     depth = curve.abscissa_values(curve.available_abscissa("delta"))
     try:
@@ -260,14 +271,15 @@ def _fit_and_assess(
     if request.curve_part == "both" and is_time_dependent(config):
         raise ConfigError(
             "--segment both",
-            "leaves out the hold, which the force of a time-dependent material depends on",
+            "leaves out the hold, on which the later force of a time-dependent material depends",
             "give --segment all",
         )
     if is_time_dependent(config) and samples.t is None:
         raise NoCurve("no column of time, which a viscoelastic or poroelastic scene needs")
     errors: tuple[float, ...] = ()
     if config.yields:
-        estimate = _fit_loop(config, request, samples, tables)
+        estimate = fit_loop(config, request, samples, tables)
+        reject_outside_range(estimate)
     elif needs_time_stepping(config):
         estimate = _fit_along_path(config, request, samples, tables)
     else:
@@ -276,9 +288,19 @@ def _fit_and_assess(
     assessment = _assess_model(
         add_profile_intervals(estimate), config, request.models, tables, errors
     )
+    return curve_result(curve.name, assessment, config, tuple(notes), start_time)
+
+
+def curve_result(
+    name: str,
+    assessment: ModelAssessment,
+    config: Config,
+    notes: tuple[str, ...],
+    start_time: float,
+) -> CurveFit:
+    """Return the result for a curve, with its entry and the data of its picture."""
     return CurveFit(
-        _report_entry(curve.name, assessment, config, tuple(notes), start_time),
-        _plotted_curve(assessment),
+        _report_entry(name, assessment, config, notes, start_time), _plotted_curve(assessment)
     )
 
 
@@ -288,7 +310,8 @@ def _fit_elastic(
     """Fit an elastic scene; a curve without samples before contact is given a baseline.
 
     Returns the fit, sentences about the baseline, and the errors (k,) of theta due to leaving out
-    the toe, which is the slow rise of the force before contact. They are empty without a toe.
+    the toe, which is the slow rise of the force before contact. These errors are empty without a
+    toe.
     """
     estimate = _fit_load_curve(config, request, samples, tables)
     known = None
@@ -316,7 +339,7 @@ def _fit_elastic(
 def _fit_load_curve(
     config: Config, request: FitRequest, samples: Samples, tables: ForwardModelCache
 ) -> Estimate:
-    """Fit an elastic scene; solve deeper and refit if the fitted depth exceeds the solved one."""
+    """Fit an elastic scene; solve deeper and refit if the fit exceeds the solved depth."""
     if config.experiment and config.experiment.adhesion:
         return _fit_adhesive_load_curve(config, request, samples, tables)
     forward_model = _shared_forward_model(config, request.varied_keys, samples, tables)
@@ -367,44 +390,48 @@ def _fit_adhesive_load_curve(
     )
 
 
-def _fit_loop(
+def fit_loop(
     config: Config, request: FitRequest, samples: Samples, tables: ForwardModelCache
 ) -> Estimate:
-    """Fit a body that yields to loading and unloading.
+    """Fit the loading and unloading of a body that yields.
 
     Raises
     ------
     ConfigError
         If the part of the curve is not a loop.
-    FitRejected
-        If the fit leaves the range of materials that is tabulated.
     """
     if request.curve_part not in ("approach", "both"):
         raise ConfigError(
             f"--segment {request.curve_part}",
             "is not a loop of a body that yields",
-            "give --segment both (loading and unloading), or approach for one parameter",
+            "give --segment both (loading and unloading), or --segment approach to fit one "
+            "parameter",
         )
     if request.curve_part == "approach" and len(request.varied_keys) > 1:
         raise ConfigError(
             "--segment approach",
-            "loading of a cone is one number, F/h^2, which does not determine "
+            "the loading curve of a cone gives only one number, F/h^2, which does not determine "
             f"{' and '.join(request.varied_keys)}",
             "give --segment both, or vary one key",
         )
     forward_model = tables.forward_model(
         config, request.varied_keys, max_contact_depth(samples, config)
     )
+    return fit_model(forward_model, samples, request.origin)
+
+
+def reject_outside_range(estimate: Estimate) -> None:
+    """Raise FitRejected if the fit leaves the range of materials that is tabulated."""
+    forward_model = estimate.model.forward_model
     assert isinstance(forward_model, LoopForwardModel)
-    estimate = fit_model(forward_model, samples, request.origin)
     ratio = forward_model.metal(estimate.theta).ratio
     low, high = forward_model.ratio_bounds
     if not low < ratio < high:
         raise FitRejected(
-            f"E/yield_stress = {ratio:.3g} is outside the range of {low:g} to {high:g} in which "
-            "loops are tabulated: check units, half angle and frame compliance"
+            f"E/yield_stress = {ratio:.3g} is outside the range of {low:g} to {high:g} for "
+            "which loading and unloading are tabulated: check units, half angle and frame "
+            "compliance"
         )
-    return estimate
 
 
 def _fit_along_path(
@@ -412,8 +439,8 @@ def _fit_along_path(
 ) -> Estimate:
     """Fit a path-dependent scene along the measured load path.
 
-    The path begins at first contact; an elastic fit gives the first estimate of this point. Path
-    and fit are repeated until the contact point converges (at most four times).
+    The path begins at first contact, which is first estimated by an elastic fit. Path and fit are
+    repeated until the contact point converges (at most four times).
     """
     assert samples.t is not None
     compliance = config.experiment.compliance if config.experiment else 0.0
@@ -459,7 +486,7 @@ def _fit_along_path(
 def _elastic_contact_point(
     config: Config, request: FitRequest, approach: Samples, tables: ForwardModelCache
 ) -> float:
-    """Return the contact point by an elastic fit to the approach, with the first modulus free.
+    """Return the contact point of an elastic fit to the approach, in which one modulus is free.
 
     Raises
     ------
@@ -489,7 +516,7 @@ def _elastic_config_with_spring(config: Config, depth: float) -> Config:
 
 
 def prepare_curve(curve: MeasuredCurve, request: FitRequest) -> tuple[Config, Samples, list[str]]:
-    """Return the scene for this curve, the samples, and notes on the assumptions."""
+    """Return the scene for a curve, its samples, and notes on the assumptions."""
     config = request.config
     has_spring = config.experiment is not None and config.experiment.compliance > 0
     guesses = []
@@ -497,12 +524,13 @@ def prepare_curve(curve: MeasuredCurve, request: FitRequest) -> tuple[Config, Sa
         curve = curve.reinterpret_depth()
         guesses.append(
             "the file does not name the quantity in its column of lengths, and the scene has a "
-            "spring: it is taken as the displacement of the base; if it is the depth, say so, "
-            "as in --columns depth=1,force=2"
+            "spring: the column is taken as the displacement of the base; if it contains the "
+            "depth, name it, as in --columns depth=1,force=2"
         )
     elif curve.is_abscissa_guessed:
         guesses.append(
-            "the file does not name the quantity in its column of lengths: it is taken as the depth"
+            "the file does not name the quantity in its column of lengths: the column is taken "
+            "as the depth"
         )
     notes = [*curve.notes, *guesses]
     stiffness = curve.stiffness
@@ -525,7 +553,7 @@ def prepare_curve(curve: MeasuredCurve, request: FitRequest) -> tuple[Config, Sa
 
 
 def _order_by_time(samples: Samples, curve: MeasuredCurve, part: CurvePart) -> Samples:
-    """Return the samples in the order of time; of a whole curve, each with its branch."""
+    """Return the samples in the order of time; those of a whole curve also have their branch."""
     if part == "approach" and samples.x[0] > samples.x[-1]:
         # The rows of this file are in the order of z, so that they begin at the deepest point.
         return Samples(
@@ -549,7 +577,7 @@ def _remove_spring(config: Config) -> Config:
 def _shared_forward_model(
     config: Config, keys: tuple[str, ...], samples: Samples, tables: ForwardModelCache
 ) -> ForwardModel:
-    """Return the forward model up to a rounded depth, so that curves of similar depth share it.
+    """Return the forward model up to a rounded depth, which curves of similar depths share.
 
     If the scene is not valid at that depth, the model extends slightly beyond the depth of the
     curve.
@@ -570,7 +598,10 @@ def rounded_depth(depth: float) -> float:
 
 
 def adhesive_contact_depth(samples: Samples, config: Config) -> float:
-    """Return the largest depth of an adhesive curve [length], from its snap-in if that is clear."""
+    """Return the largest depth of an adhesive curve [length], measured from a clear snap-in.
+
+    Without a clear snap-in the depth is estimated as for curves without adhesion.
+    """
     side = sides_of(samples.x) if samples.branch is None else np.abs(samples.branch)
     touch = find_jumps(samples.x, samples.force, side).touch
     if touch is None:
@@ -616,7 +647,7 @@ def _assess_model(
     tables: ForwardModelCache,
     errors: tuple[float, ...] = (),
 ) -> ModelAssessment:
-    """Assess a fit; `errors` (k,) are further errors of theta."""
+    """Assess a fit; `errors` (k,) are further systematic errors of the transformed parameters."""
     forward_model = estimate.model.forward_model
     depth_ranges = fit_depth_ranges(estimate)
     residual_trend = find_residual_trend(estimate)
@@ -639,7 +670,7 @@ def _assess_model(
 def relative_calibration_error(config: Config, forward_model: ForwardModel) -> float:
     """Return the relative error of a modulus due to uncertain stiffness and tip radius.
 
-    It is the sum in quadrature of the relative error of the cantilever stiffness and of the
+    The result is the sum in quadrature of the relative error of the cantilever stiffness and of the
     relative error of the radius multiplied by d ln F / d ln R.
     """
     calibration = config.experiment.calibration if config.experiment else None
@@ -695,7 +726,7 @@ def _report_entry(
     contact_point = {"value": estimate.contact_point, "low": estimate.contact_point - half_width}
     ratios = {
         parameter.key: ratio
-        for parameter, ratio in zip(parameters, width_inflation_factors(estimate), strict=True)
+        for parameter, ratio in zip(parameters, _width_factors(assessment), strict=True)
     }
     rise = estimate.max_force
     n = len(estimate.model.samples)
@@ -726,6 +757,8 @@ def _report_entry(
         "tied": ratios,
         "words": _summary(assessment, config),
     }
+    if assessment.together:
+        entry |= {"together": {"p": assessment.together.p_together}}
     entry |= {
         "hertz": _hertz_comparison(assessment, config),
         "model_error": forward_model.relative_error,
@@ -734,6 +767,13 @@ def _report_entry(
         "warnings": [*notes, *_warnings(assessment), *_scale_warnings(estimate, config)],
         "seconds": time.process_time() - start_time,
     }
+
+
+def _width_factors(assessment: ModelAssessment) -> list[float]:
+    """Return each interval's width divided by its width if all other parameters were known."""
+    if assessment.together:
+        return assessment.together.width_factors
+    return width_inflation_factors(assessment.estimate)
 
 
 def _fixed_numbers(config: Config, forward_model: ForwardModel) -> dict[str, float]:
@@ -804,7 +844,7 @@ def _hertz_comparison(assessment: ModelAssessment, config: Config) -> dict[str, 
     """Return the modulus by a fit of the half-space formula with the same contact point.
 
     The keys are `E`, the modulus, and `percent`, its difference from the modulus of the scene in
-    per cent. None if there is no fit.
+    per cent. The result is None if no fit exists.
     """
     estimate = assessment.estimate
     forward_model = assessment.estimate.model.forward_model
@@ -842,8 +882,8 @@ def _warnings(assessment: ModelAssessment) -> list[str]:
         )
     if estimate.p[-1] > STEEP_BASELINE * estimate.max_force:
         hint = (
-            "if the curve begins in contact it has no baseline and the modulus is wrong; fix what "
-            "is known by --no-slope or --contact-point"
+            "if the curve begins in contact it has no baseline and the modulus is wrong; give "
+            "what is known with --no-slope or --contact-point"
         )
         messages.append(
             f"the baseline rises by {100 * estimate.p[-1] / estimate.max_force:.0f} % of the "
@@ -861,7 +901,7 @@ def _warnings(assessment: ModelAssessment) -> list[str]:
 
 
 def _contradicting_touch(estimate: Estimate) -> tuple[float, float] | None:
-    """Return the displacements around a snap-in that contradicts the contact point, or None."""
+    """Return the displacements around a snap-in that contradicts the contact point; may be None."""
     model = estimate.model
     if model.origin.contact_point is None or model.samples.branch is None:
         return None
@@ -942,7 +982,7 @@ def _significant_digits(interval: Interval) -> int:
 
 
 def quantity_kind(config: Config, key: str) -> str | None:
-    """Return "length", "force" or "pressure" for a key of this dimension, else None."""
+    """Return the kind "length", "force" or "pressure" of a key; None for other dimensions."""
     if key == RETRACT_WORK_KEY:
         return quantity_kind(config, ADHESION_WORK_KEY)
     return dimension_of_key(key_path(key), to_mapping(config))
@@ -954,7 +994,7 @@ def _summary(assessment: ModelAssessment, config: Config) -> str:
         _parameter_sentence(assessment, k, config)
         for k in range(assessment.estimate.model.coordinate_count)
     ]
-    sentences += [tied] if (tied := _hardening_sentence(assessment.estimate)) else []
+    sentences += [tied] if (tied := _hardening_sentence(assessment)) else []
     if assessment.is_adequate:
         return " ".join([*sentences, "Nothing in the curve contradicts the scene."])
     better_names = ", ".join(model.name for model in assessment.better_models)
@@ -968,8 +1008,9 @@ def _summary(assessment: ModelAssessment, config: Config) -> str:
     )
 
 
-def _hardening_sentence(estimate: Estimate) -> str:
-    """Return a sentence if one loop does not tell the yield stress from hardening, else ""."""
+def _hardening_sentence(assessment: ModelAssessment) -> str:
+    """Return a sentence if one loop does not separate yield stress and hardening, else ""."""
+    estimate = assessment.estimate
     keys = estimate.model.forward_model.varied_keys
     if not {YIELD_STRESS_KEY, HARDENING_KEY} <= set(keys):
         return ""
@@ -977,6 +1018,11 @@ def _hardening_sentence(estimate: Estimate) -> str:
     covariance = estimate.uncertainty.covariance[np.ix_(pair, pair)]
     scale = math.sqrt(covariance[0, 0] * covariance[1, 1])
     correlation = float(covariance[0, 1]) / scale if scale > 0 else -1.0
+    if assessment.together:
+        return (
+            f"The correlation of yield_stress and n is {correlation:.3f} with the loops of all "
+            "tips together."
+        )
     return (
         "One cone does not determine yield_stress and n separately (correlation "
         f"{correlation:.3f}): a loop with another half angle, or of a sphere, does."
@@ -996,8 +1042,8 @@ def one_line_summary(entry: Mapping[str, Any], config: Config) -> str:
 def format_interval(key: str, config: Config, interval: Interval) -> str:
     """Return a key's value and its 95 % interval as text with units.
 
-    If the curve does not determine the parameter, the text says so and gives its upper limit, if it
-    has one.
+    If the curve does not determine the parameter, the text states this, with the upper limit of the
+    parameter if there is one.
     """
     name = key.rpartition(".")[2]
     if interval.low == 0.0 < interval.value:
@@ -1080,4 +1126,5 @@ def request_identity(request: FitRequest) -> Mapping[str, Any]:
     origin = {name: value for name, value in vars(request.origin).items() if name != "slope"}
     if origin["level"] is None:
         origin.pop("level")
+    record |= {"other_tips": list(request.other_tips)} if request.other_tips else {}
     return record | {"origin": origin, "models": request.models}

@@ -77,7 +77,8 @@ def require_for_curve(
     NotConverged
         If the curve does not determine the modulus.
     ConfigError
-        If the scene has no modulus or cannot be run. Errors of `read_curves` are raised, too.
+        If the scene has no modulus or cannot be run. The errors of `read_curves` are raised as
+        well.
     """
     reading = reading or ReadOptions()
     key = next(iter(pressure_keys(config)), None)

@@ -1,8 +1,8 @@
 """Experimental design: intervals to be expected from a planned measurement.
 
 With the Jacobian J of the force with respect to parameters, contact point and baseline, and white
-noise of standard deviation s, their covariance is s^2 (J'J)^-1 (Seber & Wild 2003, ch. 5). Wide
-intervals are found by profile likelihood as in a fit.
+noise of standard deviation s, the covariance of the parameters is s^2 (J'J)^-1 (Seber & Wild 2003,
+ch. 5). Wide intervals are found by profile likelihood as in a fit.
 """
 
 from __future__ import annotations
@@ -43,6 +43,7 @@ from indent_sim.fitting.inference.estimate import (
     Samples,
     standard_deviation,
 )
+from indent_sim.fitting.inference.joint_estimate import JointNoise, joint_model
 from indent_sim.fitting.inference.model_assessment import (
     Interval,
     ModelAssessment,
@@ -79,8 +80,8 @@ class Design:
     helps
         Changes of the experiment with their intervals.
     baseline
-        Sufficient length of the baseline in depths: a longer one makes no interval narrower by more
-        than 5 %.
+        Sufficient length of the baseline, in units of the largest depth: a longer one makes no
+        interval narrower by more than 5 %.
     depth, force
         Depth [length] and force [force] of the deepest sample.
     noise
@@ -135,7 +136,10 @@ class Design:
             for key, ratio in wide_ratios
         ]
         return " ".join(
-            [*sentences, f"A baseline of {self.baseline:g} depths before contact is enough."]
+            [
+                *sentences,
+                f"A baseline before contact of {self.baseline:g} times the depth is long enough.",
+            ]
         )
 
 
@@ -191,17 +195,19 @@ class _PlannedMeasurement:
         """
         side = max(round(points / (2.0 + baseline)), 2)
         before = max(points - 2 * side, 0)
-        _, loop = forward_model.loop(forward_model.initial_coordinates)
+        E, loop = forward_model.loop(forward_model.initial_coordinates)
+        compliance = forward_model.experiment.compliance
+        up = self.depth * np.linspace(0.0, 1.0, side)
         down = loop.depths_of(np.linspace(1.0, 0.0, side + 1)[1:], self.depth)
         x = np.concatenate(
             [
                 -baseline * self.depth * np.linspace(1.0, 0.0, before, endpoint=False),
-                self.depth * np.linspace(0.0, 1.0, side),
-                down,
+                up + compliance * loop.loading(E, up),
+                down + compliance * loop.unloading(E, down, self.depth),
             ]
         )
         branch = np.repeat([APPROACH, RETRACT], [before + side, side])
-        samples = Samples(x, np.zeros(len(x)), None, branch, self.depth)
+        samples = Samples(x, np.zeros(len(x)), None, branch, float(x[before + side - 1]))
         return CurveModel(forward_model, samples)
 
     @property
@@ -237,7 +243,7 @@ class _PlannedMeasurement:
 
 
 def design_measurement(config: Config, keys: Sequence[str], noise: float, points: int) -> Design:
-    """Return the expected intervals of some keys of a scene by a planned measurement.
+    """Return the expected intervals of parameters of a scene from a planned measurement.
 
     Parameters
     ----------
@@ -297,14 +303,14 @@ def _evaluate_design(config: Config, keys: Sequence[str], noise: float, points: 
 def _plan_measurement(
     config: Config, keys: tuple[str, ...], tables: ForwardModelCache
 ) -> _PlannedMeasurement:
-    """Return the measurement along the path of a scene, up to the last time of largest depth."""
+    """Return the measurement along the path of a scene until the last time at the largest depth."""
     for key in keys:
         number_at(config, key)
     if config.loading.force_history:
         raise ConfigError(
             "loading.force_history", "a design needs prescribed depths", "give loading.history"
         )
-    depth = max(PlannedRun.resolve(config).depths)
+    depth = _largest_depth(config)
     if not depth > 0:
         raise ConfigError("loading", "the tip never touches the body", "give loading.delta > 0")
     if config.yields:
@@ -331,6 +337,13 @@ def _plan_measurement(
     t, x = np.array(history.points_from_rest).T
     end = int(np.flatnonzero(x == x.max())[-1]) + 1
     return _PlannedMeasurement(config, forward_model, depth, x[:end], t[:end])
+
+
+def _largest_depth(config: Config) -> float:
+    """Return the largest depth of a scene [length]."""
+    # A body that yields is run without the frame of the instrument.
+    instrument = None if config.yields else config.experiment
+    return max(PlannedRun.resolve(config.model_copy(update={"experiment": instrument})).depths)
 
 
 def _scene_path(config: Config) -> MeasuredPath | None:
@@ -375,7 +388,7 @@ def _possible_changes(config: Config, keys: Sequence[str]) -> Iterator[dict[str,
     else:
         yield {
             "loading": {
-                "delta": 2.0 * max(PlannedRun.resolve(config).depths),
+                "delta": 2.0 * _largest_depth(config),
                 "steps": config.loading.steps,
             }
         }
@@ -436,10 +449,7 @@ def _evaluate_change(
 def _second_cone(
     measurement: _PlannedMeasurement, estimate: Estimate, points: int, tables: ForwardModelCache
 ) -> DesignImprovement:
-    """Return the intervals if a loop with another cone is measured as well.
-
-    The information of both loops about the parameters is added.
-    """
+    """Return the intervals if a loop with another cone is measured and fitted together."""
     # A sharp cone has larger representative strains than the usual 70.3 degrees; both are tabulated
     # in the literature.
     sharp = 50.0
@@ -455,8 +465,11 @@ def _second_cone(
         estimates = (estimate, other.expected_estimate(points, noise_force))
     except ForwardModelUnavailable as error:
         return DesignImprovement(change, {}, str(error))
-    information = sum(np.linalg.pinv(_coordinate_covariance(one)) for one in estimates)
-    deviations = np.sqrt(np.diag(np.linalg.pinv(information)))
+    curves = [one.p for one in estimates]
+    model = joint_model([one.model for one in estimates], curves)
+    noise = JointNoise((WHITE, WHITE), (noise_force**2, noise_force**2), model.lengths)
+    p = model.joined_parameters(estimate.theta, curves)
+    deviations = np.sqrt(np.diag(model.covariance(p, noise)))[: model.coordinate_count]
     intervals = {}
     for parameter, theta, sd in zip(
         measurement.forward_model.parameters, estimate.theta, deviations, strict=True
@@ -467,25 +480,10 @@ def _second_cone(
     return DesignImprovement(change, intervals)
 
 
-def _coordinate_covariance(estimate: Estimate) -> np.ndarray:
-    """Return the covariance (k, k) of theta by noise, and by the errors of the tabulated loops."""
-    model = estimate.model
-    J = model.jacobian(estimate.p)[:, model.is_free]
-    inverse = np.linalg.pinv(J.T @ J)
-    k = model.coordinate_count
-    covariance: np.ndarray = estimate.uncertainty.s2 * inverse[:k, :k]
-    force = model.contact_force(estimate.p)
-    errors = (model.forward_model.relative_error * force, *model.unloading_errors(estimate.p))
-    for error in errors:
-        shift = (inverse @ (J.T @ error))[:k] / NORMAL_95
-        covariance = covariance + np.outer(shift, shift)
-    return covariance
-
-
 def _sufficient_baseline(
     measurement: _PlannedMeasurement, points: int, noise_force: float
 ) -> float:
-    """Return the shortest sufficient baseline at the same sample spacing."""
+    """Return the shortest baseline that is sufficient; the spacing of the samples is unchanged."""
     points_per_depth = points / (1.0 + BASELINE_DEPTHS)
 
     def deviations(baseline: float) -> np.ndarray:

@@ -32,6 +32,7 @@ from indent_sim.fitting.forward_model.cone_loop import HARDENING_KEY
 from indent_sim.fitting.forward_model.forward_model_cache import ForwardModelCache
 from indent_sim.fitting.forward_model.parameters import number_at
 from indent_sim.fitting.inference.model_assessment import Interval
+from indent_sim.fitting.joint_fit import fit_together, scenes_of_tips
 from indent_sim.fitting.measured_constants import LOOP_NODES, LOOP_SECONDS
 from indent_sim.process.child_process import ChildProcess, ProcessCrash, run_calls
 from indent_sim.process.errors import (
@@ -86,7 +87,7 @@ class ReadOptions:
         Columns as "role=title" or "role=number", or the titles or numbers of the columns of depth,
         force and time, in this order.
     units
-        Units of a file that gives none.
+        Units of a file without units.
     sensitivity
         Length per voltage of deflections in volts, such as 50 nm/V.
     """
@@ -133,7 +134,7 @@ class CurveFits:
 
 @dataclass(frozen=True)
 class _FitTask:
-    """Curve to be fitted, with the paths of its output and the identity of its file."""
+    """Curve to be fitted, with the paths of its output and the `source` of its entry."""
 
     curve: MeasuredCurve
     directory: Path
@@ -185,6 +186,10 @@ def fit_curves(
     for key in request.varied_keys:
         number_at(request.config, key)
     tell_cost(request, tell)
+    if request.other_tips:
+        scenes_of_tips(request)
+        if jobs > 1:
+            raise UsageError("--jobs: the curves of several tips are one fit", "leave it out")
     with open_locked(directory, request_identity(request)) as earlier_entries:
         writer = _Writer(directory, request, earlier_entries)
         try:
@@ -195,7 +200,12 @@ def fit_curves(
                 _make_task(curve, source, directory, has_many_files, is_plotted)
                 for curve, source in curves
             )
-            for entry in _run_tasks(tasks, request, jobs):
+            entries = (
+                _fit_tips_together(list(tasks), request)
+                if request.other_tips
+                else _run_tasks(tasks, request, jobs)
+            )
+            for entry in entries:
                 writer.add_entry(entry)
                 tell(_progress_line(entry, len(writer.entries)))
         except (ConfigError, UsageError, BackendError):
@@ -219,12 +229,12 @@ def fit_files(folder: Path) -> tuple[str, ...]:
 
 
 def tell_cost(request: FitRequest, tell: ReportLine) -> None:
-    """Say that the forces of the scene come from finite elements, and how long one run takes.
+    """Report that the forces of the scene come from finite elements, and how long a run takes.
 
     Raises ConfigError if the scene is not valid.
     """
     if request.config.yields:
-        return tell(loop_cost(request.varied_keys))
+        return tell(loop_cost(request.varied_keys, 1 + len(request.other_tips)))
     planned_run = PlannedRun.resolve(request.config)
     if not planned_run.scene.is_meshed:
         return
@@ -233,9 +243,9 @@ def tell_cost(request: FitRequest, tell: ReportLine) -> None:
     tell(f"a solution by finite elements takes about {seconds:.2g} s of CPU time; {count}")
 
 
-def loop_cost(keys: Sequence[str]) -> str:
+def loop_cost(keys: Sequence[str], tips: int = 1) -> str:
     """Return a sentence about the runs that the fit of a body that yields needs."""
-    count = LOOP_NODES**2 if HARDENING_KEY in keys else LOOP_NODES
+    count = tips * (LOOP_NODES**2 if HARDENING_KEY in keys else LOOP_NODES)
     return (
         f"the table of loops needs {count} to {2 * count} runs of about {LOOP_SECONDS:g} s of CPU "
         "time each, which all curves share"
@@ -358,7 +368,7 @@ def _json_roundtrip(record: Mapping[str, Any]) -> Any:
 def _read_curves(
     files: Sequence[Path], request: FitRequest, reading: ReadOptions, writer: _Writer
 ) -> Iterator[tuple[MeasuredCurve | CurveFit, Entry]]:
-    """Yield the curves that have no entry yet; a file without curves is a rejected curve."""
+    """Yield the curves without an entry; a file without curves yields one rejected curve."""
     used_names: set[str] = set()
     for file in files:
         curves: Sequence[MeasuredCurve | CurveFit]
@@ -390,7 +400,7 @@ def _read_curves(
 def _curve_or_rejection(
     curves: Sequence[MeasuredCurve | CurveFit], index: int, file: Path
 ) -> MeasuredCurve | CurveFit:
-    """Return a curve of a file; a damaged curve of a map is a rejected curve."""
+    """Return a curve of a file; if a curve of a map is damaged, return it as a rejected curve."""
     try:
         return curves[index]
     except NoCurve as error:
@@ -406,7 +416,7 @@ def _rename_curve(curve: MeasuredCurve | CurveFit, name: str) -> MeasuredCurve |
 
 
 def _file_name(name: str) -> str:
-    """Return the name of a curve as one of a file: printable, and not too long."""
+    """Return the name of a curve as a file name: printable, and not too long."""
     # File systems allow 255 bytes, of which suffixes and names of temporary files need some.
     max_bytes = 200
     text = printable(name)
@@ -459,6 +469,27 @@ def _run_tasks(tasks: Iterator[Any], request: FitRequest, jobs: int) -> Iterator
         yield _fit_and_write(task, request, tables) if isinstance(task, _FitTask) else task
 
 
+def _fit_tips_together(tasks: Sequence[Any], request: FitRequest) -> list[Entry]:
+    """Fit one curve of each tip together, and return their entries.
+
+    Raises UsageError if the curves are not one for each tip.
+    """
+    # An earlier call has fitted all of them.
+    if not tasks:
+        return []
+    count = 1 + len(request.other_tips)
+    if len(tasks) != count:
+        raise UsageError(
+            f"the scene and --other-tip are {count} tips, and {len(tasks)} of the curves have no "
+            "fit yet",
+            "give one curve for each tip, the one of the scene first, and a new --output",
+        )
+    if unread := [task for task in tasks if not isinstance(task, _FitTask)]:
+        raise UsageError(f"{unread[0]['curve']}: {unread[0]['reason']}")
+    fits = fit_together([task.curve for task in tasks], request, ForwardModelCache())
+    return [_write_fit(task, fit, request) for task, fit in zip(tasks, fits, strict=True)]
+
+
 def _run_in_processes(tasks: Iterator[Any], request: FitRequest, jobs: int) -> Iterator[Entry]:
     """Yield the entries of tasks that run in parallel, each as soon as it has ended."""
     rejected: list[Entry] = []
@@ -503,7 +534,11 @@ def _collect_entry(answer: Callable[[], Entry], task: _FitTask) -> Entry:
 
 def _fit_and_write(task: _FitTask, request: FitRequest, tables: ForwardModelCache) -> Entry:
     """Fit one curve, and write its table and picture."""
-    fit = fit_curve(task.curve, request, tables)
+    return _write_fit(task, fit_curve(task.curve, request, tables), request)
+
+
+def _write_fit(task: _FitTask, fit: CurveFit, request: FitRequest) -> Entry:
+    """Write the table and the picture of a fitted curve, and return its entry."""
     if fit.plotted is not None:
         table = task.directory / CURVES_FOLDER / f"{fit.name}.csv"
         write_atomically(table, fit_table.table_of_curve(fit.plotted), sync=False)
@@ -526,7 +561,7 @@ def _summary_line(fits: CurveFits) -> str:
     if done and fits.request.varied_keys:
         key = fits.request.varied_keys[0]
         values = [float(entry["parameters"][key]["value"]) for entry in done]
-        quartiles = np.percentile(values, [25, 50, 75]).tolist()
+        quartiles = [float(value) for value in np.percentile(values, [25, 50, 75])]
         interval = Interval(quartiles[1], quartiles[0], quartiles[2])
         low, median, high = (
             format_value(key, fits.request.config, value, interval) for value in quartiles

@@ -202,7 +202,10 @@ def _has_hold(delta: np.ndarray) -> bool:
 
 
 def _draw_depth_ranges(axes: Axes, entry: Entry, key: str, axis: Axis, range_name: str) -> None:
-    """Draw the values of a key by depth (or time) range, the stated interval and other models."""
+    """Draw the values of a key from parts of the curve and other models, and the stated interval.
+
+    The parts of the curve are ranges of depth or time.
+    """
     interval = entry["parameters"][key]
     windows = entry["window"]
     axes.axhspan(

@@ -60,7 +60,7 @@ def table_of_fits(entries: Sequence[Entry], keys: Sequence[str]) -> str:
 
 
 def column_units(columns: Iterable[str], keys: Sequence[str], config: Config) -> dict[str, str]:
-    """Return the units of columns of fit.csv or map.csv that have one.
+    """Return the units of the columns of fit.csv or map.csv, without dimensionless columns.
 
     Parameters
     ----------
@@ -121,7 +121,7 @@ def _fit_row(entry: Entry, keys: Sequence[str]) -> dict[str, Any]:
 
 
 def modulus_drift(entry: Entry, keys: Sequence[str]) -> float | str:
-    """Return how much the first key changes [%] if only half the depth is fitted; "" if unknown."""
+    """Return the change of the first key [%] if only half the depth is fitted; "" if unknown."""
     windows = entry["window"]
     if not keys or windows[0]["upper"] != 0.5 or not windows[-1][keys[0]]:
         return ""

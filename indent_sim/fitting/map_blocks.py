@@ -27,7 +27,7 @@ def fit_blocks(
     Parameters
     ----------
     fitter
-        The map, which gets the results.
+        The map, to which the results are written.
     blocks
         Indices of the curves of each block.
     noise

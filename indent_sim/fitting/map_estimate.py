@@ -1,7 +1,7 @@
 """Fit of a map: values with intervals, the noise, and some curves fitted like single curves.
 
-These sampled curves are fitted one by one with all tests of single curves. They show whether the
-faster fits of the map can be trusted.
+These sampled curves are fitted one by one with all tests of single curves. Their fits show whether
+the faster fits of the map can be trusted.
 """
 
 from __future__ import annotations
@@ -92,7 +92,7 @@ def fit_map(
     jobs
         Number of processes that fit blocks of curves.
     progress
-        Results of an earlier call, with which this one continues.
+        Results of an earlier call, from which this call continues.
     tell
         Function that is called with each line of progress.
 
@@ -143,7 +143,7 @@ class _Passes:
     tell: ReportLine
 
     def run(self, stage: int, noise: PooledNoise | None) -> None:
-        """Fit the blocks that have not reached a stage."""
+        """Fit the blocks whose fits have not yet reached a stage."""
         blocks = self.progress.unfinished(self.fitter, stage)
         done = self.fitter.count - sum(map(len, blocks))
         last_told = time.monotonic()
@@ -176,7 +176,7 @@ def _estimate_noise(fitter: MapFitter) -> PooledNoise:
 def _set_thickness(
     passes: _Passes, scene: MapScene, thickness: Thickness | None
 ) -> np.ndarray | None:
-    """Give the fitter the thickness of each curve (N,) after the first pass, and return it.
+    """Set the thickness of each curve (N,) in the fitter after the first pass, and return it.
 
     A thickness that follows from the contact points is computed twice, since the first pass finds
     them for a body of uniform thickness.
@@ -195,7 +195,7 @@ def _set_thickness(
 def _use_thickness(
     passes: _Passes, scene: MapScene, thickness: Thickness, stage: int
 ) -> np.ndarray:
-    """Give the fitter the thicknesses (N,) of a stage; those of an earlier call are reused."""
+    """Set the thicknesses (N,) of a stage in the fitter; those of an earlier call are reused."""
     fitter = passes.fitter
     kept = passes.progress.thickness
     if stage not in kept:
@@ -237,12 +237,13 @@ def _is_bare_base(fitter: MapFitter, scene: MapScene) -> np.ndarray:
     Raises
     ------
     ConfigError
-        If there is no spring, behind which the depth is a small difference.
+        If the scene has no cantilever, whose deflection shows where the base is bare.
     """
     if not scene.forward_model.experiment.compliance:
         raise ConfigError(
             "--thickness",
-            "the bare base is known by the deflection of a cantilever, and the scene has none",
+            "pixels of bare base are recognised by the deflection of a cantilever, but the "
+            "scene has none",
             "give experiment.cantilever, or another --thickness",
         )
     # Depth of a rigid body, over the displacement of the cantilever's base.
@@ -324,7 +325,7 @@ def _fit_sample(
     thicknesses: np.ndarray | None,
     tables: ForwardModelCache,
 ) -> list[tuple[int, CurveFit]]:
-    """Fit curves one by one: half of them at random, half with the largest misfit."""
+    """Fit a sample of the curves one by one: half at random, half with the largest misfit."""
     progress = passes.progress
     indices = _sample_indices(passes.fitter.fits)
 
@@ -487,7 +488,8 @@ def _warnings(scene: MapScene, map_fit: MapFit, record: dict[str, Any]) -> list[
     if map_fit.noise.baseline_samples < 0.25 * length:
         messages.append(
             f"the noise is estimated from baselines of {map_fit.noise.baseline_samples} samples, "
-            f"and the fits have {length:.0f}: intervals may be too narrow if the noise is slow"
+            f"and the fits have {length:.0f}: if the noise varies slowly, intervals may be too "
+            "narrow"
         )
     return messages
 

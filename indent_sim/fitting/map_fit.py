@@ -68,6 +68,11 @@ MAP_TOLERANCE = 1e-6
 # The same for fits to a part of the depth: some hundredths of a standard deviation.
 DEPTH_RANGE_TOLERANCE = 1e-5
 
+# Largest number of steps by ordinary least squares. Only noise without a contact needs more.
+INITIAL_ROUNDS = 12
+# Damping of the first step of a fit that begins at the solution for other weights or samples.
+NEARLY_UNDAMPED = 1e-6
+
 REASONS = (
     "",
     "not a curve: a number is missing",
@@ -175,7 +180,7 @@ class InitialFits:
     Attributes
     ----------
     theta, contact_point, level, slope
-        Parameters as in `PixelFits`.
+        The parameters of the same names of `PixelFits`.
     depth, travel
         Depth without the spring's deflection, and with it [length].
     near_count
@@ -199,7 +204,10 @@ class InitialFits:
         return cls(**_empty_arrays(cls, count, ("near_count", "baseline_count")))
 
     def parameters(self, curves: np.ndarray) -> np.ndarray:
-        """Return theta, c, level at c and slope (b, 4) of some curves."""
+        """Return the parameters (b, 4) of some curves: theta, contact point, baseline and slope.
+
+        The baseline is its value at the contact point.
+        """
         columns = (self.theta, self.contact_point, self.level, self.slope)
         return np.stack([column[curves] for column in columns], axis=-1)
 
@@ -221,7 +229,7 @@ class MapModel:
     Attributes
     ----------
     forward_model
-        Forces of the scene. Its only parameter, a modulus, scales the force.
+        Forces of the scene. The only parameter, a modulus, scales the force.
     origin
         Options of contact point and baseline.
     load_curves
@@ -243,7 +251,7 @@ class MapModel:
         return self.forward_model.max_depth
 
     def curve_model(self, curves: np.ndarray, samples: Samples) -> CurveModel:
-        """Return the model of some curves."""
+        """Return the fitting model of some of the map's curves."""
         model = self.forward_model
         if self.load_curves is not None and self.rows is not None:
             model = model.replace_load_curves(self.load_curves, self.rows[curves])
@@ -256,7 +264,7 @@ class MapFitter:
     Parameters
     ----------
     read
-        Returns the approach of a curve, in order of time, in the units of the scene.
+        Function that returns the approach of a curve, in order of time, in the units of the scene.
     count
         Number N of curves.
     model
@@ -277,7 +285,7 @@ class MapFitter:
         return [np.arange(first, min(first + BLOCK_SIZE, self.count)) for first in firsts]
 
     def state(self, curves: np.ndarray) -> dict[str, np.ndarray]:
-        """Return the results of some curves, by name."""
+        """Return the results of some curves as arrays by name."""
         return {
             f"{part}.{name}": values[curves]
             for part, results in (("fits", self.fits), ("initial", self.initial))
@@ -291,7 +299,7 @@ class MapFitter:
             getattr(getattr(self, part), column)[curves] = values
 
     def fit_initially(self) -> None:
-        """Reject curves without a contact, and fit the others by ordinary least squares."""
+        """Reject curves without a contact, and fit all other curves by ordinary least squares."""
         for block in self.blocks:
             self.fit_block_initially(block)
 
@@ -334,7 +342,7 @@ class MapFitter:
 
     @property
     def initial_depths(self) -> np.ndarray:
-        """Depths of the first pass, without the spring's deflection (N,) [length]; or NaN."""
+        """Depths of the first pass without the spring's deflection (N,) [length]; may be NaN."""
         return np.where(self.fits.is_fitted, self.initial.depth, math.nan)
 
     @property
@@ -393,7 +401,9 @@ class MapFitter:
             return
         samples = samples.select_curves(is_rising)
         model = model.select(np.flatnonzero(is_rising))
-        p, squares = minimize_squares(model, p[is_rising], WHITE, tolerance=MAP_TOLERANCE)
+        p, squares = minimize_squares(
+            model, p[is_rising], WHITE, INITIAL_ROUNDS, tolerance=MAP_TOLERANCE
+        )
         self.fits.reason[curves[~np.isfinite(squares)]] = NO_FIT
         for column, values in zip(
             ("theta", "contact_point", "level", "slope"),
@@ -530,10 +540,10 @@ class WeightedFit:
 def _fit_weighted(
     model: CurveModel, p: np.ndarray, noise: PooledNoise, tolerance: float = MAP_TOLERANCE
 ) -> WeightedFit:
-    """Fit curves with the weights of the noise, and compute the covariance for its true form."""
+    """Fit curves with the weights W, and compute the covariance for the noise V itself."""
     n = model.samples.x.shape[-1]
     metric = noise.metric(n)
-    p, _ = minimize_squares(model, p, metric, tolerance=tolerance)
+    p, _ = minimize_squares(model, p, metric, tolerance=tolerance, initial_damping=NEARLY_UNDAMPED)
     rows = model.linearize(p)
     J = rows[:, :-1]
     norms = np.sqrt((J * J).sum(axis=-1))
@@ -582,8 +592,8 @@ def _fit_depth_range(
 ) -> DepthRangeFits:
     """Fit the samples up to a fraction of the depth.
 
-    The difference of the two estimates is D_part - D (see the module) times the noise, which gives
-    its variance. D_part is zero outside the part.
+    The difference of the two estimates is (D_part - D) r for the noise r, with D as in the module,
+    from which the variance of the difference follows. D_part is zero outside the part.
     """
     x = model.samples.x
     b, n = x.shape
@@ -650,7 +660,10 @@ def reasons_without_signal(samples: Samples) -> np.ndarray:
 
 
 def initial_parameters(model: CurveModel) -> np.ndarray:
-    """Return initial guesses (b, 4) of theta, c, b0 and b1; NaN where the force does not rise."""
+    """Return initial guesses (b, 4) of modulus, contact point and baseline.
+
+    They are NaN where the force does not rise.
+    """
     pilot_samples = 100
     trial_count = 40
     forward_model = model.forward_model
@@ -677,7 +690,10 @@ def initial_parameters(model: CurveModel) -> np.ndarray:
 
 
 def _absolute_baseline_parameters(model: CurveModel, p: np.ndarray) -> np.ndarray:
-    """Return theta, c, baseline at c and slope [force/length] (b, 4) of parameters (b, 4)."""
+    """Return parameters (b, 4) with the baseline as its value and slope at the contact point.
+
+    The columns are theta, contact point c, baseline at c and slope [force/length].
+    """
     x = model.samples.x
     slope = p[:, 3] / np.maximum(np.ptp(x, axis=-1), 1e-300)
     level = p[:, 2] + slope * (p[:, 1] - x.mean(axis=-1))

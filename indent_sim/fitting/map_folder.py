@@ -116,7 +116,7 @@ def _file_state(thickness: str | None) -> dict[str, Any]:
 
 
 def _finished_map(directory: Path, header: Mapping[str, Any]) -> MapFit | None:
-    """Return the map of an earlier call that has fitted the same files, or None."""
+    """Return the map of an earlier call that has fitted the same files; None without such a map."""
     report = read_report(directory, FIT)
     is_same = report.get("source") == json_data(header["source"])
     if not is_same or report.get("status") not in ("done", "failed") or "map" not in report:
@@ -201,7 +201,7 @@ def _draw(map_fit: MapFit, sample: list[CurveFit], request: FitRequest, director
 
 
 def _si_unit(request: FitRequest, kind: str | None) -> tuple[str, float]:
-    """Return the SI unit of a quantity and the factor to it; without units of the scene "", 1."""
+    """Return the SI unit of a quantity and the factor to it; "" and 1 for a scene without units."""
     units = request.config.units
     if kind is None or not units.length or not (units.force or kind == "length"):
         return "", 1.0

@@ -36,7 +36,7 @@ def draw_map(
 
 @contextmanager
 def map_figure(map_fit: MapFit, config: Config, panels: Sequence[str] = ()) -> Iterator[Figure]:
-    """Yield the figure of a map with its four panels, or with those that are named in PANELS.
+    """Yield the figure of a map with its four panels, or with the named panels of PANELS.
 
     Raises
     ------
@@ -67,7 +67,7 @@ def map_figure(map_fit: MapFit, config: Config, panels: Sequence[str] = ()) -> I
 
 
 def default_panels(map_fit: MapFit) -> tuple[str, ...]:
-    """Return the four panels: causes replace the intervals if the scene misfits many curves."""
+    """Return the four panels; causes of misfits replace the intervals if they are many."""
     max_unexplained = 0.05
     explained = np.nanmean(map_fit.explained) if np.isfinite(map_fit.explained).any() else 1.0
     third = "cause" if explained < 1.0 - max_unexplained else "interval"

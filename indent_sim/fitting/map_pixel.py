@@ -76,7 +76,9 @@ def fit_pixel(folder: Path, row: int, column: int) -> MapPixel:
         )
     if "source" not in map_fit.entry:
         raise UsageError(
-            f"{folder} does not name the file of its curves", "fit the map again", str(folder)
+            f"{folder} does not state from which file its curves were read",
+            "fit the map again",
+            str(folder),
         )
     source = source_of_record(map_fit.entry["source"])
     request = _request_of_record(map_fit.entry["request"], map_fit, row, column)

@@ -59,7 +59,7 @@ class MapProgress:
         self._stages = np.zeros(0, dtype=np.int8)
 
     def restore(self, fitter: MapFitter) -> int:
-        """Set the results of an earlier call, and return the number of curves that are fitted.
+        """Set the results of an earlier call; return the number of curves that are already fitted.
 
         A file that cannot be read, or that belongs to other curves, is replaced.
         """

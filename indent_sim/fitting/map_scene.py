@@ -72,7 +72,7 @@ class MapScene:
     block_size: int = 1
 
     def samples(self, index: int) -> Samples:
-        """Return the samples of a curve; none if the curve is damaged or has no approach."""
+        """Return the samples of a curve; an empty list if it is damaged or has no approach."""
         try:
             curve = convert_to_scene_units(self.curves[index], self.request.config)
             _, samples, _ = prepare_curve(curve.part(self.request.curve_part), self.request)
@@ -182,8 +182,8 @@ def thickness_model(scene: MapScene, thickness: np.ndarray, max_depth: float) ->
     scene
         The scene, with a body that has a height.
     thickness
-        Thickness of each curve (N,) [length]. Load curves of thinner bodies than
-        `thinnest_body(max_depth)` are those of this thickness.
+        Thickness of each curve (N,) [length]. Bodies thinner than `thinnest_body(max_depth)` have
+        the load curve of this thickness.
     max_depth
         Largest depth of the map [length].
 

@@ -31,7 +31,7 @@ class MapSource:
     grid
         Numbers of rows and columns, if the files of a folder in the order of their names are a map.
     rows
-        First row that is fitted, and the one after the last; None for all.
+        First row that is fitted, and the row after the last fitted row; None for all rows.
     """
 
     paths: tuple[Path, ...]
@@ -40,7 +40,7 @@ class MapSource:
     rows: tuple[int, int] | None = None
 
     def record(self) -> dict[str, Any]:
-        """Return the source as plain data, with the properties by which a change is detected.
+        """Return the source as data for JSON, with the properties by which a change is detected.
 
         Paths are absolute.
         """
@@ -63,7 +63,7 @@ class MapSource:
         Raises
         ------
         UsageError
-            If the files are no map, or if it lacks the rows.
+            If the files are not a map, or if the map lacks the requested rows.
         """
         curves = find_map(self, request, True)
         assert curves is not None
@@ -71,7 +71,7 @@ class MapSource:
 
 
 def source_of_record(record: Mapping[str, Any]) -> MapSource:
-    """Return the source that `MapSource.record` has described.
+    """Return the source from its description, which `MapSource.record` made.
 
     Raises
     ------
@@ -101,7 +101,7 @@ def source_of_record(record: Mapping[str, Any]) -> MapSource:
 
 
 def find_map(source: MapSource, request: FitRequest, choice: bool | None) -> MeasuredMap | None:
-    """Return the map that is to be fitted, or None if curves are to be fitted one by one.
+    """Return the map that is to be fitted; None if curves are to be fitted one by one.
 
     Parameters
     ----------
@@ -115,7 +115,7 @@ def find_map(source: MapSource, request: FitRequest, choice: bool | None) -> Mea
     Raises
     ------
     UsageError
-        If a map is requested and the files contain none, or not these rows.
+        If a map is requested and the files contain no map, or a map without the requested rows.
     """
     if request.curve_part != "approach":
         if choice or source.grid is not None:
@@ -137,7 +137,7 @@ def find_map(source: MapSource, request: FitRequest, choice: bool | None) -> Mea
 
 
 def _read_map(source: MapSource, request: FitRequest, choice: bool | None) -> MeasuredMap | None:
-    """Return the map in the files; None if they contain no map.
+    """Return the map in the files; None if the files contain no map.
 
     With `choice`, the option --map, an unreadable file raises NoCurve, and a map may have any size.
     """
@@ -165,18 +165,18 @@ def _read_map(source: MapSource, request: FitRequest, choice: bool | None) -> Me
 
 
 def _select_rows(curves: MeasuredMap, rows: tuple[int, int]) -> MeasuredMap:
-    """Return the map with the curves of some rows only."""
+    """Return the map restricted to the curves of some rows."""
     if rows[1] > curves.shape[0]:
         raise UsageError(
             f"--rows {rows[0]}:{rows[1]}: the map has the rows 0:{curves.shape[0]}",
-            "the row behind the colon is the first one that is left out",
+            "the number after the colon is the first row that is left out",
         )
     return curves.select_rows(*rows)
 
 
 @dataclass(frozen=True)
 class _CurveFiles:
-    """Files of the curves of a map, one for each, and the spring constant of the scene [N/m]."""
+    """Files of the curves of a map, one for each curve, and the scene's spring constant [N/m]."""
 
     files: Sequence[Path]
     reading: ReadOptions

@@ -59,7 +59,8 @@ def heights_above_base(places: np.ndarray, heights: np.ndarray, is_base: np.ndar
     plane, _, rank, _ = np.linalg.lstsq(columns[used], heights[used], rcond=None)
     if rank < columns.shape[1]:
         raise UsageError(
-            f"the plane of the base cannot be fitted: the base is bare in {used.sum()} pixels",
+            "the plane of the base cannot be fitted: the number of pixels with bare base is "
+            f"{used.sum()} pixels",
             "give --thickness height:MEAN or a file",
         )
     above: np.ndarray = heights - columns @ plane
@@ -67,7 +68,7 @@ def heights_above_base(places: np.ndarray, heights: np.ndarray, is_base: np.ndar
 
 
 def parse_thickness(text: str, request: FitRequest, shape: tuple[int, int]) -> Thickness:
-    """Return the thickness of the pixels by `height`, `height:MEAN`, `base`, or a file.
+    """Return the thickness of the pixels given by `height`, `height:MEAN`, `base`, or a file.
 
     Parameters
     ----------
@@ -134,7 +135,7 @@ def _reject_other_unit(text: str, values: np.ndarray, height: float, length: str
 
 
 def thickness_of_scene(config: Config) -> Thickness | None:
-    """Return the thickness by the section `map` of a scene; None if it has none.
+    """Return the thickness given by the section `map` of a scene; None if it has none.
 
     Raises
     ------

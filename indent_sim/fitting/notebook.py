@@ -94,8 +94,8 @@ def fit(
     segment
         Part of the curve that is fitted.
     columns, units
-        Columns of the file, such as ("z=1", "force=2") or by title or number those of depth, force
-        and time, and units if the file has none.
+        Columns of the file, such as ("z=1", "force=2"), or the titles or numbers of the columns of
+        depth, force and time; units of a file without units.
     sensitivity
         Length per voltage of deflections in volts, such as 50 nm/V.
     contact_point
@@ -161,8 +161,8 @@ def fit_map(
     vary
         Key of the modulus.
     thickness
-        Thickness of each pixel (rows, columns) [length], or the text of `--thickness`; by default
-        that of the section `map` of the scene.
+        Thickness of each pixel (rows, columns) [length], or a text as for the option `--thickness`;
+        by default the thickness in the section `map` of the scene.
     contact_point
         Displacement at first contact, if it is known.
 

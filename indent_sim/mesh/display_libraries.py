@@ -1,7 +1,8 @@
 """Import of gmsh on Linux machines without the display libraries of X and GL.
 
-The gmsh of PyPI is linked against the libraries of its window, which meshing never calls, and
-cannot be loaded without them. Each missing one is replaced by an empty library of the same name.
+The gmsh of PyPI is linked against the libraries of its graphical window, which meshing never calls,
+and cannot be loaded without them. Each missing one is replaced by an empty library of the same
+name.
 """
 
 from __future__ import annotations
@@ -66,7 +67,7 @@ def import_gmsh() -> Any:
 
 
 def missing_library(error: OSError) -> str:
-    """Return the file name of the library whose absence an error reports; empty if none."""
+    """Return the file name of the library that an error reports as missing; empty if none is."""
     found = re.match(r"(\S+): cannot open shared object file", str(error))
     return found[1] if found else ""
 
@@ -88,10 +89,12 @@ def _can_be_mended(name: str) -> bool:
 
 
 def _load_lazily(path: str) -> None:
-    """Load a library whose functions are looked up when they are called, unlike by ctypes.
+    """Load a library so that its functions are looked up only when they are called.
 
-    The few functions whose addresses it takes at once are defined as addresses that cannot be
-    called.
+    ctypes looks up all functions at once.
+
+    The few functions whose addresses the library needs at once are defined as addresses that cannot
+    be called.
     """
     load = ctypes.CDLL(None).dlopen
     load.argtypes = ctypes.c_char_p, ctypes.c_int
@@ -109,7 +112,7 @@ def _load_lazily(path: str) -> None:
 
 
 def _load_library(name: str, mode: int, function: str = "") -> None:
-    """Load an almost empty library, by whose name the loader recognizes it from then on."""
+    """Load an almost empty library, to which later requests of its name then refer."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / name
         path.write_bytes(library_bytes(name, ELF_MACHINES[platform.machine()], function))
@@ -117,7 +120,7 @@ def _load_library(name: str, mode: int, function: str = "") -> None:
 
 
 def library_bytes(name: str, machine: int, function: str = "") -> bytes:
-    """Return the bytes of a shared library (64-bit ELF) with one symbol or none.
+    """Return the bytes of a shared library (64-bit ELF) that defines at most one symbol.
 
     Parameters
     ----------

@@ -5,6 +5,7 @@ Source: Gmsh Reference Manual, for the built-in and the OpenCASCADE kernel.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from itertools import pairwise
 
 import numpy as np
@@ -28,7 +29,7 @@ from indent_sim.model.inclusions import (
 
 
 def _cad_kernel(gmsh: Gmsh, domain: ModelDomain) -> Gmsh:
-    """Return gmsh's CAD kernel: OpenCASCADE for inclusions, else the built-in one."""
+    """Return gmsh's CAD kernel: OpenCASCADE for inclusions, otherwise the built-in kernel."""
     return gmsh.model.occ if domain.inclusions else gmsh.model.geo
 
 
@@ -99,9 +100,7 @@ def draw_section(gmsh: Gmsh, domain: ModelDomain, sizes: Sizes) -> None:
     points = [point_tags[corner] for corner in corners]
     pairs = zip(points, points[1:] + points[:1], strict=True)
     lines = [
-        geo.addCircleArc(a, point_tags[_round_point(side.center)], b)
-        if side.center
-        else geo.addLine(a, b)
+        _draw_side(geo, side, a, b, point_tags)
         for (a, b), (_, _, side) in zip(pairs, division_points, strict=True)
     ]
     interface_ends = [
@@ -126,6 +125,23 @@ def draw_section(gmsh: Gmsh, domain: ModelDomain, sizes: Sizes) -> None:
             boundary_lines = [*lines[begin:right], *interface_lines[layer], *lines[left_index:end]]
         geo.addPlaneSurface([geo.addCurveLoop([*lower_lines, *boundary_lines])])
     geo.synchronize()
+
+
+def _draw_side(
+    geo: Gmsh, side: Side, start: int, end: int, points: Mapping[tuple[float, ...], int]
+) -> int:
+    """Draw a part of a side between two points as a line or as an arc of a circle or ellipse."""
+    if not side.center:
+        return int(geo.addLine(start, end))
+    center = points[_round_point(side.center)]
+    if side.stretch == 1.0:
+        return int(geo.addCircleArc(start, center, end))
+    # A point of the major axis, through which the outline passes.
+    (x, y) = side.center
+    vertical = side.radius * side.stretch
+    is_tall = side.stretch > 1
+    major = (x, y + vertical) if is_tall else (x + side.radius, y)
+    return int(geo.addEllipseArc(start, center, points[_round_point(major)], end))
 
 
 Corner = tuple[tuple[float, ...], int]  # Position of a point, and its tag in gmsh.
@@ -158,14 +174,18 @@ def _division_points(
     with None if it is on no interface.
     """
     if side.surface == "top":
-        R = domain.top_radius
+        arc = domain.top_arc
         positions = reversed(_top_split_points(domain, sizes, side.end[0], side.start[0]))
         points = [
-            (x, float(-x * x / (R + np.sqrt(R * R - x * x))) if R else side.start[1])
-            for x in positions
+            (x, -_sagitta(arc.radius, x) * arc.stretch if arc else side.start[1]) for x in positions
         ]
         return [(side.start, None), *((point, None) for point in points)]
     return [(side.start, None), *(domain.interface_crossings(side) if side.center is None else ())]
+
+
+def _sagitta(radius: float, x: float) -> float:
+    """Return the depth of a circle below its highest point at the horizontal distance x."""
+    return float(x * x / (radius + np.sqrt(radius * radius - x * x)))
 
 
 def _top_split_points(domain: ModelDomain, sizes: Sizes, x0: float, x1: float) -> list[float]:

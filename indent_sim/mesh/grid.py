@@ -23,8 +23,8 @@ class Grid:
     Attributes
     ----------
     points
-        Coordinates (n, dim) in multiples of `Scales.length`; those of an imported mesh are at first
-        in the length unit of its file.
+        Coordinates (n, dim) in multiples of `Scales.length`; the coordinates of an imported mesh
+        are at first in the length unit of its file.
     cells
         Point numbers (m, dim + 1) of the corners of the cells.
     regions
@@ -242,7 +242,7 @@ def unit_normals(corners: np.ndarray) -> np.ndarray:
 
 
 def sort_and_match_rows(table: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the order (k,) that sorts rows, and if each sorted row equals the next (k - 1,)."""
+    """Return the order (k,) that sorts rows, and where a sorted row equals the next (k - 1,)."""
     order = np.lexsort(table.T)
     return order, (table[order[1:]] == table[order[:-1]]).all(axis=1)
 

@@ -103,8 +103,9 @@ class ImportedDomain(ModelDomain):
     def _facet_divisions(self, refinements: int) -> int:
         """Return the number of straight facets that replace one facet after refinement.
 
-        It is 2 for a quadratic mesh, whose midside nodes lie on the curved surface and become
-        corners, and 1 for a linear mesh, because the parts of a straight facet stay in its plane.
+        The number is 2 for a quadratic mesh, whose midside nodes lie on the curved surface and
+        become corners, and 1 for a linear mesh, because the parts of a straight facet stay in its
+        plane.
         """
         return 2 if refinements and len(self.mesh.midside_nodes[0]) else 1
 
@@ -136,7 +137,7 @@ class ImportedDomain(ModelDomain):
     def normal_component(self, surface: str) -> int | None:
         """Return the displacement component that a roller on a surface constrains.
 
-        It is None if the surface is not normal to an axis.
+        The result is None if the surface is not normal to an axis.
         """
         return self.normal_axes[surface]
 
@@ -182,8 +183,9 @@ def region_under_axis(mesh: ImportedMesh, center: tuple[float, ...]) -> int:
 def first_contact_height(tip: Indenter, mesh: ImportedMesh, center: tuple[float, ...]) -> float:
     """Return the height [length] of a tip's apex at first contact.
 
-    It is the largest z - f over the contact surface, where z is the height of the surface and f the
-    height of the tip above the apex. It is found by bisection of the facets with the largest value.
+    This height is the largest z - f over the contact surface, where z is the height of the surface
+    and f the height of the tip above the apex. It is found by bisection of the facets with the
+    largest value.
 
     Parameters
     ----------
@@ -223,7 +225,7 @@ def first_contact_height(tip: Indenter, mesh: ImportedMesh, center: tuple[float,
 
 
 def end_at_axis(mesh: ImportedMesh, center: Point, axis: int) -> str:
-    """Return which end of a mesh lies under the tip's axis: "min", "max", or "" for neither.
+    """Return which end of a mesh lies under the tip's axis: "min", "max", or "" for no end.
 
     `axis` is the number of the horizontal axis along which the mesh ends.
     """

@@ -87,7 +87,7 @@ class ImportedMesh:
 
     @property
     def full_mesh(self) -> ImportedMesh:
-        """The mesh with all cells of the file, here the mesh itself."""
+        """The mesh with all cells of the file, which for this class is the mesh itself."""
         return self
 
     def facet_corners(self, surface: str) -> np.ndarray:

@@ -31,8 +31,8 @@ def find_surfaces(
 ) -> dict[str, np.ndarray]:
     """Return the facets (k, dim) of the surfaces top, base and sides, and of the axis as r_min.
 
-    A surface that is named in the scene file is found by its name, any other surface by the
-    orientation of the remaining facets.
+    A surface that is named in the scene file is found by its name; any other surface is found by
+    the orientation of the remaining facets.
 
     Parameters
     ----------
@@ -161,8 +161,8 @@ def _facets_by_name(
 ) -> np.ndarray:
     """Return the indices of the outer facets of a surface that has a name in the file.
 
-    The name is that of a group of facets, or of a set of points that contains all corners of the
-    facets. `used_points` are the numbers of the body's points in the file.
+    The name is the name of a group of facets, or of a set of points that contains all corners of
+    the facets. `used_points` are the numbers of the body's points in the file.
 
     Raises
     ------

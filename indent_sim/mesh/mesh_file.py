@@ -1,8 +1,8 @@
 """Mesh files: points, cells and named groups, read by meshio.
 
-A mesh file is not trusted. It is opened for reading only, references to files outside its folder
-are not followed, and meshio reads it in a child process with limits of time and memory that follow
-from its length. Every failure of meshio is reported as an error of the file.
+Mesh files are treated as untrusted. A file is opened for reading only, references to files outside
+its folder are not followed, and meshio reads it in a child process with limits of time and memory
+that follow from its length. Every failure of meshio is reported as an error of the file.
 """
 
 from __future__ import annotations
@@ -190,7 +190,7 @@ def read_mesh_file(version: MeshFileVersion, convert: Callable[[MeshFile], T]) -
 
 
 def _limit_reader(size: int) -> None:
-    """Limit time and memory of this process to what reading `size` bytes may take."""
+    """Limit time and memory of this process to amounts sufficient for reading `size` bytes."""
     limit_resources(
         *(base + per_byte * size for base, per_byte in (READING_SECONDS, READING_MEMORY))
     )
@@ -213,7 +213,7 @@ def named_simplices(file: MeshFile, name: str, dim: int, key: str) -> np.ndarray
     dim : int
         Dimension of the simplices.
     key : str
-        Key of the scene file that asks for the group, for messages.
+        Key of the scene file that requests the group, for messages.
 
     Returns
     -------
@@ -336,7 +336,7 @@ def _refuse_external_data(path: Path, dataset_path: str, file: str) -> None:
 
 
 def _refuse_ambiguous_abaqus(version: MeshFileVersion) -> None:
-    """Raise MeshFileError for an Abaqus file that meshio would read as another mesh.
+    """Raise MeshFileError for an Abaqus file that meshio would read incorrectly.
 
     meshio opens included files, keeps only the last of several node lists, and assigns an ELSET to
     the wrong cells if some element lists have none.
@@ -372,7 +372,7 @@ def _refuse_several_vtu_pieces(version: MeshFileVersion) -> None:
 
 
 def _checked_points(mesh: Meshio, file: str) -> np.ndarray:
-    """Return the points (n, 3) of a meshio mesh; MeshFileError if they are not real numbers."""
+    """Return the points (n, 3) of a meshio mesh; raise MeshFileError unless they are numbers."""
     points = np.asarray(mesh.points)
     if (
         points.ndim != 2

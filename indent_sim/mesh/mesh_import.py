@@ -106,7 +106,7 @@ def build_imported_mesh(file: MeshFile, body: MeshFromFile, regions: Regions) ->
 
 
 def _check_cell_dimension(file: MeshFile, dim: int) -> None:
-    """Raise ConfigError if the file has no cells of a dimension, or cells of a higher one."""
+    """Raise ConfigError if the file has no cells of a dimension, or cells of a higher dimension."""
     if dim in file.cells and not (dim == 2 and 3 in file.cells):
         return
     cell_kinds = " and ".join(CELL_KINDS[cell_dim] for cell_dim in sorted(file.cells)) or "no cells"

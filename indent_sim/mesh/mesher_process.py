@@ -26,7 +26,7 @@ def call_in_mesher(function: Callable[..., T], *arguments: object) -> Callable[[
         raise BackendError(f"cannot start a process for gmsh: {error.strerror or error}") from error
 
     def wait_for_mesh() -> T:
-        """Return the result of the call; MeshError if the mesher process crashed."""
+        """Return the result of the call; raise MeshError if the mesher process crashed."""
         try:
             return wait_for_result()
         except ProcessCrash as crash:

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from math import atan2, pi, sin
+from typing import Any
 
 import numpy as np
 
@@ -23,22 +24,26 @@ Pins = tuple[tuple[Point, int], ...]
 
 @dataclass(frozen=True)
 class Side:
-    """Side of an outline: a straight line or an arc.
+    """Side of an outline: a straight line, or an arc of a circle or of an ellipse.
 
     Attributes
     ----------
     surface
-        Name of the surface that the side belongs to.
+        Name of the surface of which the side is a part.
     start, end
         End points [length]; seen from start to end, the inside of the outline is on the left.
     center
         Center of an arc, which goes anticlockwise from start to end [length]; None for a line.
+    stretch
+        Vertical over horizontal semi-axis of an arc. The arc of an ellipse is that of a circle
+        whose vertical coordinates are multiplied by this number.
     """
 
     surface: str
     start: Point
     end: Point
     center: Point | None = None
+    stretch: float = 1.0
 
     @property
     def normal_axis(self) -> int | None:
@@ -48,17 +53,22 @@ class Side:
 
     @property
     def radius(self) -> float:
-        """Radius of an arc [length]."""
-        assert self.center is not None
-        return float(np.hypot(self.start[0] - self.center[0], self.start[1] - self.center[1]))
+        """Radius of an arc, or horizontal semi-axis of the arc of an ellipse [length]."""
+        return float(np.hypot(*self._offset(*self.start)))
+
+    @property
+    def apex_radius(self) -> float:
+        """Radius of curvature at the highest point of the circle or ellipse of an arc [length]."""
+        return self.radius / self.stretch
 
     def inward_distance(self, x: Coordinates, y: Coordinates) -> np.ndarray:
         """Return the signed distance [length] of points from the line or circle of the side.
 
-        It is positive inside the outline: left of a line, and inside a circle.
+        The distance is positive inside the outline: left of a line, and inside a circle. For an
+        ellipse it is the distance from the circle of which the ellipse is a stretched image.
         """
         if self.center is not None:
-            return self.radius - np.hypot(x - self.center[0], y - self.center[1])
+            return self.radius - np.hypot(*self._offset(x, y))
         (x0, y0) = self.start
         (x1, y1) = self.end
         return ((x1 - x0) * (y - y0) - (y1 - y0) * (x - x0)) / np.hypot(x1 - x0, y1 - y0)
@@ -68,16 +78,19 @@ class Side:
         distance_to_curve = np.abs(self.inward_distance(x, y))
         if self.center is None:
             return distance_to_curve
-        angle_from_start = (
-            np.arctan2(y - self.center[1], x - self.center[0]) - self._start_angle
-        ) % (2 * pi)
+        right, up = self._offset(x, y)
+        angle_from_start = (np.arctan2(up, right) - self._start_angle) % (2 * pi)
         end_distances = [np.hypot(x - end[0], y - end[1]) for end in (self.start, self.end)]
         return np.where(
             angle_from_start <= self.arc_angle, distance_to_curve, np.minimum(*end_distances)
         )
 
     def sample_points(self, n: int) -> tuple[np.ndarray, float]:
-        """Return n equidistant points (n, 2) on the side, and the length that each represents."""
+        """Return n equidistant points (n, 2) on a side, and the length that each represents.
+
+        The side is a line or an arc of a circle.
+        """
+        assert self.stretch == 1.0
         fraction = ((np.arange(n) + 0.5) / n)[:, None]
         if self.center is None:
             start = np.array(self.start)
@@ -90,30 +103,37 @@ class Side:
 
     @property
     def arc_angle(self) -> float:
-        """Central angle [radians] of an arc."""
-        assert self.center is not None
-        return (
-            atan2(self.end[1] - self.center[1], self.end[0] - self.center[0]) - self._start_angle
-        ) % (2 * pi)
+        """Central angle [radians] of the circular arc."""
+        right, up = self._offset(*self.end)
+        return (atan2(up, right) - self._start_angle) % (2 * pi)
 
     @property
     def swept_area(self) -> float:
         """Signed area [length^2] between the side and the lines from the origin to its end points.
 
-        It is the area of the triangle below the chord, plus the circular segment of an arc.
+        This area is that of the triangle below the chord, plus the circular segment of an arc.
         """
         (x0, y0) = self.start
         (x1, y1) = self.end
         triangle_area = (x0 * y1 - x1 * y0) / 2
         if self.center is None:
             return triangle_area
-        return triangle_area + self.radius**2 / 2 * (self.arc_angle - sin(self.arc_angle))
+        circular_segment = self.radius**2 / 2 * (self.arc_angle - sin(self.arc_angle))
+        return triangle_area + self.stretch * circular_segment
 
     @property
     def _start_angle(self) -> float:
-        """Polar angle [radians] of the start of an arc about its center."""
+        """Polar angle [radians] of the start of the circular arc about its center."""
+        right, up = self._offset(*self.start)
+        return atan2(up, right)
+
+    def _offset(self, x: Any, y: Any) -> tuple[Any, Any]:
+        """Return the offset of points from the center of the arc [length].
+
+        The vertical component is divided by `stretch`, so that the arc becomes a circle.
+        """
         assert self.center is not None
-        return atan2(self.start[1] - self.center[1], self.start[0] - self.center[0])
+        return x - self.center[0], (y - self.center[1]) / self.stretch
 
 
 @dataclass(frozen=True)
@@ -226,7 +246,8 @@ class ModelDomain:
         Returns
         -------
         list of (point, level)
-            Point (x, z) and level of the interface [length], in order from the start of the side.
+            Point (x, z) and level of the interface [length], in the order from the start of the
+            side.
         """
         (x0, z0) = side.start
         (x1, z1) = side.end
@@ -267,7 +288,8 @@ class ModelDomain:
     def interfaces(self) -> tuple[float, ...]:
         """Levels [length] of the interfaces between layers in ascending order.
 
-        A level is the height z on the axis; below a spherical top interfaces are concentric to it.
+        A level is the height z on the axis; below a spherical top the interfaces are concentric
+        spheres.
         """
         layers = [region for region in self.regions if region.inclusion is None]
         return tuple(region.bottom for region in reversed(layers[:-1]))
@@ -309,14 +331,22 @@ class ModelDomain:
         return min(radii) if radii and self.dim == 3 else None
 
     @property
+    def top_arc(self) -> Side | None:
+        """Arc of a curved top, whose apex is the origin; None if the top is flat."""
+        arcs = (side for side in self.outline if side.surface == "top" and side.center is not None)
+        return next(arcs, None)
+
+    @property
     def top_radius(self) -> float | None:
-        """Radius of a spherical top, whose apex is the origin [length]; None if the top is flat."""
-        radii = [
-            side.radius
-            for side in self.outline
-            if side.surface == "top" and side.center is not None
-        ]
-        return radii[0] if radii else None
+        """Radius of curvature of a curved top at its apex [length]; None if the top is flat."""
+        return self.top_arc.apex_radius if self.top_arc else None
+
+    @property
+    def smallest_semi_axis(self) -> float | None:
+        """Radius of a curved wall or top, or smaller semi-axis of an elliptic top [length]."""
+        if self.top_arc:
+            return self.top_arc.radius * min(1.0, self.top_arc.stretch)
+        return self.wall_radius
 
     def wall_distances(self, center: Point) -> dict[str, float]:
         """Return the horizontal distance [length] from the tip's axis to each wall, by name."""
@@ -384,16 +414,17 @@ class ModelDomain:
     def facet_sagitta(self, center: Point, radius: float, refinements: int = 0) -> float:
         """Return the distance of facets near the tip from the exact surface [length].
 
-        It is 0 for a domain that is meshed by the program, with a flat top or curved cells.
+        The distance is 0 for a domain that is meshed by the program, with a flat top or curved
+        cells.
         """
         return 0.0
 
     def facet_angle(self, center: Point, radius: float, refinements: int = 0) -> float:
-        """Return 0; the mean angle [radians] between facets matters for imported meshes only."""
+        """Return 0; the mean angle [radians] between facets is used for imported meshes only."""
         return 0.0
 
     def normal_component(self, surface: str) -> int | None:
-        """Return the displacement component that a roller on a surface holds.
+        """Return the displacement component that a roller on a surface constrains.
 
         It is None if no single axis is normal to the surface.
         """
@@ -403,7 +434,7 @@ class ModelDomain:
 
 
 def _interface_radius(top_radius: float, level: float, z: float) -> float:
-    """Return the radius [length] at which a spherical interface has the height z; -1 if none."""
+    """Return the radius [length] at which a spherical interface has the height z; -1 if nowhere."""
     r_squared = (top_radius + level) ** 2 - (top_radius + z) ** 2
     return r_squared**0.5 if r_squared > 0 else -1.0
 

@@ -1,4 +1,4 @@
-"""Support reactions of the whole body, computed from those of the model domain.
+"""Support reactions of the whole body, computed from the reactions of the model domain.
 
 Sign convention: a reaction is the force of a support on the body. In equilibrium the reactions of
 all supports sum to the force of the body on the tip, and their z components to `force`, which is >

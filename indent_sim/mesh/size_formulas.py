@@ -15,7 +15,7 @@ from indent_sim.model.tip_track import TipTrack
 
 
 def size_formula(sizes: Sizes, dim: int) -> str:
-    """Return the element size at (x, y[, z]) as a MathEval expression, as in `Sizes.size_at`."""
+    """Return the element size at (x, y[, z]) as a MathEval expression, see `Sizes.size_at`."""
     number = "{:.12g}".format
     x, y = (*map(number, sizes.axis), "")[:2]
     r = f"Sqrt((x-({x}))^2+(y-({y}))^2)"
@@ -62,7 +62,7 @@ def _track_distance(track: TipTrack, dim: int) -> str:
 def inclusion_formula(inclusion: Inclusion, inner_size: float, grading: float, dim: int) -> str:
     """Return the element size required by an inclusion as a MathEval expression.
 
-    Outside the inclusion the size grows with the distance from it (to first order for an
+    Outside the inclusion the size grows with the distance from the inclusion (to first order for an
     ellipsoid).
     """
     number = "{:.12g}".format

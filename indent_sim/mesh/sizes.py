@@ -95,9 +95,9 @@ class Sizes:
     base_contact
         Contact with a flat below; None if the body does not rest on one.
     axis
-        Position (x, y) of the tip's axis; of the middle of the contact under a tilted tip.
+        Position (x, y) of the tip's axis, or of the middle of the contact under a tilted tip.
     elongation
-        Distance of the edge of the expected contact from `axis`, over the contact radius.
+        Distance of the edge of the expected contact from `axis`, divided by the contact radius.
     edge_tilt
         Tilt of a flat punch and its direction [degrees], which make its edge an ellipse.
     track
@@ -158,7 +158,7 @@ class Sizes:
 
     @property
     def h_base(self) -> float | None:
-        """Element size in the contact with a flat below [length]; None without one."""
+        """Element size in the contact with a flat below [length]; None without such a flat."""
         return self.base_contact.h if self.base_contact else None
 
     @property

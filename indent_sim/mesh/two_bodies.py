@@ -12,7 +12,7 @@ TIP_PREFIX = "tip_"
 
 @dataclass(frozen=True)
 class TwoBodyDomain(ModelDomain):
-    """Domain of a body whose mesh contains the soft tip, too, as its last region.
+    """Domain of a body whose mesh also contains the soft tip, as its last region.
 
     Outline, height and supports are those of the body. The tip has supports of its own: it is
     bonded to a rigid holder above, and its axis is that of the body.
@@ -27,7 +27,7 @@ class TwoBodyDomain(ModelDomain):
 
     @classmethod
     def join(cls, body: ModelDomain, tip: ModelDomain, region: Region) -> TwoBodyDomain:
-        """Return the domain of both bodies; `region` is that of the tip in units of the body."""
+        """Return the domain of both bodies; `region` is the tip's region in units of the body."""
         parts = {part.name: getattr(body, part.name) for part in fields(ModelDomain)}
         return cls(**(parts | {"regions": (*body.regions, region)}), tip=tip)
 

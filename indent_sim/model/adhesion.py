@@ -26,7 +26,7 @@ class Adhesion:
 
     @property
     def _interaction_range(self) -> Expr:
-        """Range of the attraction [length]; it must be given here."""
+        """Range of the attraction [length], which must be given when this property is used."""
         return self.range
 
     def energy(self, g: Expr) -> Expr:
@@ -41,7 +41,7 @@ class Adhesion:
     def attraction(self, g: Expr) -> Expr:
         """Return sigma(g) = (work/range) exp(-<g>/range) [pressure], >= 0.
 
-        It is constant for g < 0.
+        The attraction is constant for g < 0.
         """
         return self.work / self._interaction_range * exp(-macaulay(g) / self._interaction_range)
 

@@ -89,12 +89,12 @@ def _odd_series(z: Expr) -> Expr:
 
 
 def _where_small(x: Expr, small_value: Expr, large_value: Expr) -> Expr:
-    """Return `small_value` where |x| < LOG_SERIES_LIMIT, else `large_value`."""
+    """Return `small_value` where |x| < LOG_SERIES_LIMIT, and `large_value` elsewhere."""
     return where_less(x * x, LOG_SERIES_LIMIT**2, small_value, large_value)
 
 
 def where_less(a: Expr, b: Expr, then: Expr, otherwise: Expr) -> Expr:
-    """Return `then` where a < b, else `otherwise`.
+    """Return `then` where a < b, and `otherwise` elsewhere.
 
     Both branches are evaluated and must be finite.
     """
@@ -160,8 +160,8 @@ def unimodular_stretches(mean: Expr, square: Expr, cube: Expr) -> tuple[Expr, Ex
     Returns
     -------
     tuple of Expr
-        The distinct stretch, the mean m of the other two, and the square of their half difference
-        over m, ((l2 - l3)/(l2 + l3))^2.
+        The distinct stretch, the mean m of the other two stretches l2 and l3, and the square ((l2 -
+        l3)/(l2 + l3))^2 of half their difference divided by m.
     """
     # A principal stretch has no derivative where two of them are equal, but a symmetric function of
     # the stretches has. Where all three are equal, this number keeps the root away from zero, and

@@ -14,7 +14,7 @@ from indent_sim.model.body_base import UNIT_POINTS, BaseSupport, Points, RoundBo
 from indent_sim.model.imported_body import ImportedBody, MeshFromFile
 from indent_sim.model.inclusions import Inclusion, Inclusions
 from indent_sim.model.layers import Layers
-from indent_sim.model.spherical_bodies import Ball, Cap, SphericalBody
+from indent_sim.model.spherical_bodies import Ball, Cap, Ellipsoid, SphericalBody
 from indent_sim.model.unbounded_bodies import UnboundedBody
 from indent_sim.model.units import (
     Length,
@@ -53,4 +53,4 @@ class Cylinder(RoundBody):
 
 DimensionedBody = Cylinder | Strip | Box | SphericalBody  # meshed here
 Body = DimensionedBody | ImportedBody | UnboundedBody
-AnyBody = Cylinder | Strip | Box | UnboundedBody | Cap | Ball | MeshFromFile
+AnyBody = Cylinder | Strip | Box | UnboundedBody | Cap | Ball | Ellipsoid | MeshFromFile

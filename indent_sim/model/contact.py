@@ -81,18 +81,18 @@ class _ContactLaw:
     def path_key(self) -> str:
         """Key that makes the law path-dependent: "friction" or "adhesion".
 
-        Only one of them may be given; "" if there is none.
+        Only one of the two may be given. The result is "" if neither is given.
         """
         return next((name for name in ("friction", "adhesion") if getattr(self, name)), "")
 
     @property
     def feature_without_theory(self) -> str:
-        """Description of a feature that no reference theory covers; "" if there is none."""
+        """Description of a feature that no reference theory covers; "" without such a feature."""
         return {"friction": "friction", "adhesion": "adhesion with a range"}.get(self.path_key, "")
 
     @property
     def reason_no_elastic_curve(self) -> str:
-        """Reason why a history cannot be computed from the elastic load curve; "" if possible."""
+        """Reason why a history cannot be computed from the elastic curve; "" if it can."""
         if not self.path_key:
             return ""
         return (
@@ -103,7 +103,7 @@ class _ContactLaw:
     def reason_unsymmetric(self) -> str:
         """Reason why the tangent is not symmetric and definite; "" if it is.
 
-        The indefiniteness caused by a multiplier is not considered here.
+        An indefiniteness caused by a multiplier is not considered.
         """
         effects = {
             "friction": "has a tangent that is not symmetric",
@@ -141,7 +141,7 @@ class _StiffnessLaw(_ContactLaw):
     def potential(self, g: Expr, lam: Expr) -> Expr:
         """Return the potential of the contact per area [pressure length].
 
-        It is (<p_hat>^2 - lam^2)/(2 stiffness), plus gamma(g) with adhesion.
+        The potential is (<p_hat>^2 - lam^2)/(2 stiffness), plus gamma(g) with adhesion.
         """
         contact_energy = (macaulay(self.trial_pressure(g, lam)) ** 2 - lam * lam) / (
             2 * self.stiffness
@@ -195,7 +195,10 @@ class Penalty(_NormalStiffness):
 
     @property
     def reason_not_condensable(self) -> str:
-        """Reason of the base class, or friction, which prevents condensation with a penalty."""
+        """Reason why the law cannot be solved on a condensed body; "" if it can.
+
+        The reason may be friction, which the condensed solver does not support with a penalty.
+        """
         friction_reason = (
             "" if self.is_conservative else "the condensed solver has no penalty with friction"
         )
@@ -232,7 +235,7 @@ class AugmentedLagrangian(_NormalStiffness):
 class Uzawa(_NormalStiffness):
     """Uzawa iteration: Newton's method with a fixed multiplier, then lam <- <lam - epsilon_n g>.
 
-    These two steps are repeated until lam does not change any more.
+    Both steps are repeated until lam no longer changes.
     """
 
     method: Literal["uzawa"] = "uzawa"
@@ -249,7 +252,7 @@ class Uzawa(_NormalStiffness):
 class Nitsche(_StiffnessLaw):
     """Nitsche's method: the multiplier is the body's contact stress, p = <-sigma_n(u) - gamma g>.
 
-    It has no additional unknowns. The variation of sigma_n is dropped (theta = 0).
+    The method has no additional unknowns. The variation of sigma_n is dropped (theta = 0).
     """
 
     method: Literal["nitsche"] = "nitsche"

@@ -18,8 +18,8 @@ TRACTION_FLOOR = 1e-30
 class CoulombPoint:
     """Coulomb's law at a point of the contact surface.
 
-    The traction is t = t_hat where |t_hat| <= friction p (stick), else friction p t_hat/|t_hat|
-    (slip).
+    The traction is t = t_hat where |t_hat| <= friction p (stick), and friction p t_hat/|t_hat|
+    elsewhere (slip).
 
     Attributes
     ----------
@@ -62,9 +62,10 @@ class CoulombPoint:
     def dissipation(self, t: Vector, slip: Vector, previous_pressure: Expr) -> Expr:
         """Return the frictional dissipation of an increment per area [pressure length], >= 0.
 
-        It is t . slip, and 0 at a point that sticks. The slip limit uses the mean pressure (p +
-        previous_pressure)/2, because it changes during the increment and its final value alone
-        would make the sum over increments only first-order accurate.
+        The dissipation is t . slip, and 0 at a point that sticks. The slip limit is evaluated with
+        the mean pressure (p + previous_pressure)/2, because the pressure changes during the
+        increment; with the final pressure the sum over increments would be only first-order
+        accurate.
 
         Parameters
         ----------
@@ -106,7 +107,7 @@ def dissipation_on_separation(
 
 
 def is_new_contact(initial_gap: Expr, depth_increment: Expr) -> Expr:
-    """Return 1 if the gap [length] was open at the beginning of an increment, else 0.
+    """Return 1 if the gap [length] was open at the beginning of an increment, and 0 if not.
 
     A gap below 1e-6 times the depth increment [length] counts as closed, because the gap under a
     flat punch is zero up to round-off.
@@ -115,14 +116,15 @@ def is_new_contact(initial_gap: Expr, depth_increment: Expr) -> Expr:
 
 
 def passed_gap(initial_gap: Expr, is_new: Expr, trial_pressure: Expr, stiffness: Expr) -> Expr:
-    """Return the gap [length] closed or opened at points that changed contact, 0 at all others.
+    """Return the gap [length] closed or opened at points that changed contact; 0 at other points.
 
     Parameters
     ----------
     initial_gap : Expr
         Gap at the beginning of the increment, < 0 in contact [length].
     is_new : Expr
-        1 at a point that was open at the beginning (`is_new_contact`), else 0.
+        1 at a point that was open at the beginning of the increment (`is_new_contact`), otherwise
+        0.
     trial_pressure : Expr
         Trial multiplier at the end of the increment, > 0 in contact [pressure].
     stiffness : Expr

@@ -49,8 +49,8 @@ class Drainage:
         Condition of the walls; "auto": drained where they are free.
     bath
         Pressure of the bath [pressure], constant or linear between points [t, value]; 0 in the
-        undeformed body. For a gel it is the solvent's chemical potential [kT], which in the
-        reference state is that of free swelling.
+        undeformed body. For a gel it is the solvent's chemical potential [kT]; in the reference
+        state it has the value of free swelling.
     bath_ramp
         Time in which a sudden change of the bath is imposed at a constant rate. At finite strain a
         sudden change swells a thin layer, for which Newton's method does not converge; "auto" is
@@ -72,7 +72,7 @@ class Drainage:
         return replace(self, bath=tuple((t - origin, value) for t, value in self.bath))
 
     def drains_wall(self, support: str) -> bool:
-        """Return whether a wall with this support lets fluid out."""
+        """Return whether fluid can leave the body through a wall with this support."""
         return self.sides == "drained" or (self.sides == "auto" and support == "free")
 
     @property

@@ -47,8 +47,9 @@ class Constants(NamedTuple):
 class ElasticLaw(ABC):
     """Base class of all elastic laws.
 
-    It implements all properties that follow from the small-strain constants E and nu and from a
-    strain energy density psi = remaining energy + stiffness theta^2/2 with a volume measure theta.
+    The class implements all properties that follow from the small-strain constants E and nu and
+    from a strain energy density psi = remaining energy + stiffness theta^2/2 with a volume measure
+    theta.
     """
 
     is_small_strain: ClassVar[bool] = False
@@ -156,11 +157,11 @@ class ElasticLaw(ABC):
 
     @property
     def flow_by_permeability(self) -> Flow | None:
-        """Flow defined by its permeability, or None; ValueError as from `Flow.canonical`."""
+        """Flow defined by its permeability, or None; raises the errors of `Flow.canonical`."""
         return self.flow and self.flow.canonical(self.confined_modulus)
 
     def volume_growth(self, H: Expr) -> Expr:
-        """Return the volume change e per undeformed volume: tr eps at small strain, else J - 1.
+        """Return the volume change per undeformed volume: tr eps at small strain, otherwise J - 1.
 
         The formula loses no digits where H is small.
         """
@@ -169,7 +170,7 @@ class ElasticLaw(ABC):
     def fluid_content(self, H: Expr, p: Expr) -> Expr:
         """Return the fluid content zeta = alpha e + storage p per undeformed volume.
 
-        p [pressure] is the pore pressure above that of the undeformed body.
+        p [pressure] is the pore pressure minus the pore pressure of the undeformed body.
         """
         assert self.flow
         return self.flow.alpha * self.volume_growth(H) + self.flow.storage * p
@@ -181,8 +182,8 @@ class ElasticLaw(ABC):
     def nominal_permeability(self, H: Expr) -> Expr:
         """Return the nominal permeability m (3 x 3) of the nominal fluid flux -m grad p.
 
-        m [length^2/(pressure time)] is the permeability at small strain, else J k(J) F^-1 F^-T with
-        the permeability k(J) of the deformed body.
+        m [length^2/(pressure time)] is the permeability at small strain; at finite strain it is J
+        k(J) F^-1 F^-T with the permeability k(J) of the deformed body.
         """
         assert self.flow
         if self.is_small_strain:
@@ -198,7 +199,7 @@ class ElasticLaw(ABC):
         )
 
     def permeability_ratio(self, J: Expr) -> Expr:
-        """Return the ratio of the permeability of the deformed to that of the undeformed body."""
+        """Return the permeability of the deformed body divided by that of the undeformed body."""
         return (
             self.flow.holmes_mow.permeability_ratio(J) if self.flow and self.flow.holmes_mow else 1
         )

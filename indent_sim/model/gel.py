@@ -54,9 +54,9 @@ class Gel(ElasticLaw):
               + G/(n J0) {(J0 - 1)[r(e) - r(a e) + a e (ln(1 + a e) - ln(1 + e))]
                           - (chi/J0) e^2/(1 + e)}.
 
-    This is the energy of the drained body: the total stress is its stress plus -p J F^-T, where p
-    [pressure] is G/n times the chemical potential [kT] of the solvent above that of free swelling.
-    At J <= 1/J0 no solvent is left, and psi is NaN.
+    This is the energy of the drained body. The total stress is the stress from psi plus -p J F^-T,
+    where p [pressure] is G/n times the difference of the solvent's chemical potential [kT] from
+    that of free swelling. At J <= 1/J0 no solvent is left, and psi is NaN.
 
     stretch "auto" is the stretch of free swelling in the first bath. flow.diffusivity
     [length^2/time] is the diffusivity of the solvent; without flow the gel is always in equilibrium
@@ -76,7 +76,7 @@ class Gel(ElasticLaw):
     def canonical(self) -> Self:
         """Return the same gel with the flow defined by the permeability of the reference state.
 
-        The stretch must be a number, see `with_free_swelling`. Raises ValueError if the free
+        The stretch must be a number; see `with_free_swelling`. Raises ValueError if the free
         swelling is unstable.
         """
         if self.stretch == "auto":
@@ -114,7 +114,7 @@ class Gel(ElasticLaw):
     def free_swelling_stretch(self, bath: float) -> float:
         """Return the smallest free-swelling stretch l > 1 in a bath (chemical potential [kT]).
 
-        Raises ValueError if there is none.
+        Raises ValueError if there is no such stretch.
         """
         stretch_increment = _first_root(
             lambda growth: float(self.free_swelling_potential(1 + growth)) - bath,
@@ -130,7 +130,7 @@ class Gel(ElasticLaw):
     def bath_pressure(self, bath: float) -> float:
         """Return p_b = (G/n)(mu_bath - mu(l)) [pressure] for the chemical potential of a bath [kT].
 
-        It is > 0 if the gel swells, and 0 in the bath in which it has swollen freely.
+        p_b is > 0 if the gel swells, and 0 in the bath in which it has swollen freely.
         """
         excess_potential = bath - self.free_swelling_potential(self._l)
         if abs(excess_potential) > SWELLING_ROUNDING:
@@ -169,8 +169,8 @@ class Gel(ElasticLaw):
     def confined_stiffness(self, stretch: Expr) -> Expr:
         """Return the derivative [pressure] of the axial stress with respect to the stretch.
 
-        The side walls are fixed as in `confined_swelling`. Where it is negative, the gel separates
-        into a dilute and a dense phase.
+        The side walls are fixed as in `confined_swelling`. If the derivative is negative, the gel
+        separates into a dilute and a dense phase.
         """
         J0 = self._J0
         mixing_terms = (
@@ -191,9 +191,9 @@ class Gel(ElasticLaw):
         return diffusivity * self.n_omega / self.G * (1 - 1 / (self._J0 * J))
 
     def permeability_ratio(self, J: Expr) -> Expr:
-        """Return the ratio of the permeability to that of the reference state.
+        """Return the permeability divided by that of the reference state.
 
-        It equals the ratio of the solvent's volume fraction to that of the reference state.
+        This ratio equals the volume fraction of the solvent divided by that in the reference state.
         """
         return (1 - 1 / (self._J0 * J)) / (1 - 1 / self._J0)
 
@@ -232,7 +232,7 @@ class Gel(ElasticLaw):
 
     @property
     def volumetric_compliance(self) -> Expr:
-        """Inverse 1/lambda [1/pressure] of lambda = (G/l)(s/n - 1), with s as in `constants`."""
+        """Inverse 1/lambda [1/pressure] of lambda = (G/l)(s/n - 1); see `constants` for s."""
         return 1 / (self.shear_modulus * (self._swelling_stiffness / self.n_omega - 1))
 
     def energy(self, H: Expr) -> Expr:
@@ -267,7 +267,7 @@ class Gel(ElasticLaw):
     def swelling_stress(self, e: Expr) -> Expr:
         """Return the derivative [pressure] of the swelling energy with respect to e = J - 1.
 
-        It is the isotropic Cauchy stress due to mixing and to the change of volume.
+        The derivative is the isotropic Cauchy stress due to mixing and to the change of volume.
         """
         J0 = self._J0
         a = self._J0 / (self._J0 - 1)
@@ -288,7 +288,7 @@ STRETCH_INCREMENTS = tuple(10 ** (k / 20) for k in range(-240, 241))
 
 
 def _first_root(function: Callable[[float], float], points: Iterable[float]) -> float | None:
-    """Return the first root of a function between 0 and the successive `points`; None if none.
+    """Return the first root of a function between 0 and the successive `points`, or None.
 
     The relative error is 1e-15.
     """

@@ -27,8 +27,8 @@ class History:
     The value is linear between `points` (t, value); two equal times define a jump. Before the first
     point the body is undeformed. `times` are the times of the output rows; if empty, every point is
     a row, and rows are added between them for a smooth curve. `slide_points` (t, x) are the
-    horizontal displacements of the tip from where it is pressed in [length], linear between them;
-    before the first and after the last one the tip does not slide.
+    horizontal displacements of the tip from where it is pressed in [length], linear between the
+    points; before the first and after the last point the tip does not slide.
     """
 
     control: Control
@@ -117,8 +117,8 @@ class History:
     def rows_per_segment(self) -> tuple[int, ...]:
         """Number of rows in each segment of `points_from_rest`; 1 for a jump.
 
-        200 rows are distributed in proportion to the duration of the segments; then every segment
-        gets at least 200/(number of segments) rows.
+        200 rows are distributed in proportion to the duration of the segments. A segment with fewer
+        than 200/(number of segments) rows then gets this number of rows.
         """
         spans = [end - start for (start, _), (end, _) in pairwise(self.points_from_rest)]
         fractions = [max(span / self.duration, 1.0 / len(spans)) for span in spans]
@@ -142,7 +142,7 @@ class History:
 
     @property
     def rows(self) -> tuple[HistoryRow, ...]:
-        """All output rows: the points and the rows between them; two rows at a jump."""
+        """All output rows: the points and the rows between them; a jump has two rows."""
         points = self.points_from_rest
         history_rows = (
             []
@@ -162,9 +162,9 @@ class History:
     def path(self) -> LoadPath:
         """Load path of a body that does not depend on time.
 
-        A segment with a moving tip has 20 rows, a hold one row at its end, and a jump one row after
-        it. If `times` are given, the rows are at these times, and the points of the history between
-        them are turning points.
+        A segment with a moving tip has 20 rows, a hold has one row at its end, and a jump has one
+        row after the jump. If `times` are given, the rows are at these times, and the points of the
+        history between them are turning points.
         """
         # Rows in each segment of a history on the whole body.
         segment_rows = 20
@@ -240,7 +240,7 @@ class History:
 
     @property
     def _points_of_both_motions(self) -> tuple[tuple[float, float], ...]:
-        """The points of `points_from_rest` and those at which the slide changes its speed."""
+        """The points of `points_from_rest`, and the points at which the slide changes its speed."""
         points = self.points_from_rest
         first = points[0][0]
         last = points[-1][0]
@@ -248,7 +248,7 @@ class History:
         return replace(self, points=points, times=times).with_row_times_inserted.points
 
     def _path_at_times(self, rows: Sequence[HistoryRow]) -> LoadPath:
-        """Return the load path with rows at `times`; the given rows become points between them.
+        """Return the load path with rows at `times`, and with the given rows as points in between.
 
         A row at a jump has the value after the jump.
         """

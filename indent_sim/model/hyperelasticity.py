@@ -83,7 +83,7 @@ class _IsochoricLaw(ElasticLaw):
         than the mean stress by k gamma^2, to leading order. In the logarithms h_i of stretches
         whose product is one, the energy of any isotropic law begins with mu (h_1^2 + h_2^2 + h_3^2)
         + c h_1 h_2 h_3. In simple shear the h_i are gamma/2, -gamma/2 and 0, and the principal axes
-        are turned by gamma/4 from those at 45 degrees, from which k = mu/2 - c/12 follows.
+        are turned by gamma/4 from the directions at 45 degrees; k = mu/2 - c/12 follows.
         """
 
     @abstractmethod
@@ -364,7 +364,7 @@ class Ogden(_IsochoricLaw):
     def poynting_coefficient(self) -> Expr:
         """Coefficient k = sum mu_i alpha_i (6 - alpha_i)/24 of the Poynting effect [pressure].
 
-        It follows from c = sum mu_i alpha_i^2 / 2 in k = mu/2 - c/12.
+        The formula follows from k = mu/2 - c/12 with c = sum mu_i alpha_i^2 / 2.
         """
         pairs = zip(self.mu, self.alpha, strict=True)
         return sum(mu * alpha * (6 - alpha) for mu, alpha in pairs) / 24
@@ -479,7 +479,7 @@ class ArrudaBoyce(_InvariantLaw):
     def small_strain_mu(self) -> Expr:
         """Small-strain shear modulus, twice the derivative of psi at I1 = 3 [pressure].
 
-        It is mu (1 + 3/(5 lambda_m^2) + 99/(175 lambda_m^4) + ...).
+        The modulus is mu (1 + 3/(5 lambda_m^2) + 99/(175 lambda_m^4) + ...).
         """
         terms = (
             i * c * 3 ** (i - 1) * self.lambda_m ** (2 - 2 * i)

@@ -116,7 +116,7 @@ class ImportedBody:
     def lateral_extent(self, center: tuple[float, ...]) -> float:
         """Return the distance [length] from `center` to the nearest edge of the contact surface.
 
-        It is negative if `center` is outside of the contact surface.
+        The distance is negative if `center` is outside of the contact surface.
         """
         position = self._plan_coordinates(center)
         start = self.boundary_edges[:, 0, :-1]

@@ -112,7 +112,7 @@ class _Inclusion(ABC):
         return distance < min_distance
 
     def mirror_image(self, axis: int, position: float) -> Self:
-        """Return the mirror image of the inclusion about a plane normal to an axis."""
+        """Return the mirror image of the inclusion in a plane normal to an axis."""
         center = list(self.center)
         center[axis] = 2 * position - center[axis]
         return replace(self, center=tuple(center))  # type: ignore[type-var]
@@ -280,7 +280,7 @@ class EllipsoidInclusion(_Inclusion):
         return isclose(a, b, rel_tol=POSITION_TOLERANCE) and self._is_centered_on(center)
 
     def measure_within_distance(self, distance: Expr, dim: int) -> Expr:
-        """Return the size of the ellipsoid whose semi-axes are longer by `distance`."""
+        """Return the area or volume of an ellipsoid whose semi-axes are longer by `distance`."""
         halves = self.semi_axes if dim == 3 else self.semi_axes[::2]
         return UNIT_BALL_MEASURES[dim] * np.prod([half + distance for half in halves], axis=0)
 

@@ -21,8 +21,9 @@ Position = Annotated[tuple[float, ...], Len(3, 3), LENGTH]  # (x, y, z)
 class Layer:
     """Layer of a body, bonded to the adjacent layers.
 
-    Without `material` it has the material of the body. The last layer of a half-space and the core
-    of a cap or ball have no thickness; the other layers of a cap or ball are coatings of the core.
+    Without `material` the layer has the material of the body. The last layer of a half-space and
+    the core of a cap or ball have no thickness; the other layers of a cap or ball are coatings of
+    the core.
     """
 
     thickness: Length | None = None

@@ -111,8 +111,8 @@ class TransverselyIsotropic(ElasticLaw):
     def constants(self) -> Constants:
         """Young's modulus [pressure] and Poisson's ratio of the equivalent isotropic material.
 
-        The equivalent material has the same indentation modulus and nu = (1 - d)/2, which gives it
-        the same compressibility.
+        The equivalent material has the same indentation modulus, and nu = (1 - d)/2 for the same
+        compressibility, with the constant d of the class.
         """
         nu = min(max((1 - self._d) / 2, -0.99), 0.5)
         return Constants(self._indentation_modulus * (1 - nu * nu), nu)
@@ -183,7 +183,10 @@ class TransverselyIsotropic(ElasticLaw):
         return 2 * self._D / (self.E * (1 - self._d))
 
     def energy_parts(self, H: Expr) -> tuple[Expr, Expr]:
-        """Return the energy [pressure] without the theta term, and theta."""
+        """Return the energy [pressure] without the term in theta^2, and theta.
+
+        theta is a weighted sum of the normal strains.
+        """
         eps = ufl.sym(H)
         G = self.E / (2 * (1 + self.nu))
         d = self._d

@@ -23,7 +23,7 @@ class Unloading:
     rows
         Number of rows of unloading.
     to
-        Depth or force at which it ends at the latest.
+        Smallest depth or force of unloading.
     """
 
     start: int
@@ -52,7 +52,7 @@ class LoadPath:
         Branch of each row (approach, hold, retract); empty without time.
     turns
         For each row, the values at turning points and additional increments between the previous
-        row and this one; empty if there are none.
+        row and this row; empty if there are no such points.
     turn_times
         Times of `turns` [time].
     start_time
@@ -61,12 +61,13 @@ class LoadPath:
         For each row, the horizontal displacement of the tip from where it was pressed in [length];
         empty if the tip does not slide.
     turn_slides
-        Displacements of the tip at `turns` [length]; empty if there are none, or without a slide.
+        Displacements of the tip at `turns` [length]; empty if `turns` is empty, or without a slide.
     slide_axis
         Horizontal axis along which the tip slides: 0 (x) or 1 (y).
     unloading
-        The rows of unloading at the end; None if there are none. Their depths for a body that
-        yields are known only when it is solved: `values` are then those of an elastic body.
+        The rows of unloading at the end; None if the path does not unload. For a body that yields,
+        the depths of these rows are known only after the solution; until then `values` are the
+        depths of an elastic body.
     """
 
     control: Control
@@ -102,8 +103,8 @@ class LoadPath:
     def with_halved_increments(self) -> LoadPath:
         """Return the same path with all increments halved.
 
-        The mean of two successive values is inserted between them, so that each row becomes two
-        rows.
+        The mean of two successive values is inserted between them, so that the number of increments
+        is doubled.
         """
         rows: list[tuple[float, float, float]] = []
         turns: list[tuple[tuple[float, float, float], ...]] = []
@@ -252,7 +253,7 @@ class LoadPath:
         """Return the values from the previous row to a row [from 1], each with its time.
 
         The last value belongs to the row itself. Times are measured from the beginning of the path;
-        they are 0 for a body that is not time-dependent.
+        all times are 0 for a body that is not time-dependent.
         """
         values = (*(self.turns[step - 1] if self.turns else ()), self.values[step - 1])
         if self.start_time is None:
@@ -286,10 +287,10 @@ class LoadPath:
 
     @property
     def retained_rows(self) -> frozenset[int]:
-        """Numbers [from 1] of the rows whose states are kept: unloading starts and the last row.
+        """Numbers [from 1] of the rows with kept states: starts of unloading, and the last row.
 
         Unloading starts at a row if the value decreases after it and no earlier value was larger.
-        A tip that slides has also the rows at which it begins to slide and at which it turns.
+        For a tip that slides, the rows at which it begins to slide and at which it turns are added.
         """
         rows = {len(self.values)}
         steps = [after - before for before, after in pairwise((0.0, *self.slides))]

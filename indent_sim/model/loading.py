@@ -77,8 +77,8 @@ class Slide:
 class Unload:
     """Unloading after the last depth or force, in `rows` rows.
 
-    It ends at the depth `to`, or at this force if forces are prescribed, but not later than where
-    contact is lost: the last row is then the one at which the force has become zero. With
+    Unloading ends at the depth `to` (at the force `to` if forces are prescribed), or earlier where
+    contact is lost: the last row is then the row at which the force has become zero. With
     prescribed depths the rows divide the recovered depth into equal parts; prescribed forces are
     those of a paraboloid at such depths.
     """
@@ -134,7 +134,7 @@ class Loading:
 
     @property
     def given_path_keys(self) -> tuple[str, ...]:
-        """The given keys that define a load path; a complete loading has exactly one."""
+        """The given keys that define a load path; a complete loading has exactly one such key."""
         return tuple(key for key in PATH_KEYS if getattr(self, key) is not None)
 
     @property

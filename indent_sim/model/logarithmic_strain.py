@@ -1,9 +1,9 @@
 """Squares of logarithmic strains as functions of the invariants of the stretches.
 
 With the squared stretches b_i = exp(2 e_i), z_i = (b_i - 1)/(b_i + 1) = tanh e_i. The elementary
-symmetric functions of the z_i are rational in those of the b_i - 1, and sum e_i^2 is a power series
-in the sums of the powers of the z_i: near the undeformed state no eigenvalues are needed, and no
-digit is lost.
+symmetric functions of the z_i are rational functions of those of the b_i - 1, and sum e_i^2 is a
+power series in the sums of the powers of the z_i: near the undeformed state no eigenvalues are
+needed, and no digit is lost.
 """
 
 from __future__ import annotations
@@ -116,7 +116,7 @@ def _square_of_stretches(distinct_stretch: Expr, mean_stretch: Expr, spread: Exp
 
 
 def _artanh_square(spread: Expr) -> Expr:
-    """Return (artanh r)^2 for r^2 = spread, by its series where the two stretches are close."""
+    """Return (artanh r)^2 for r^2 = spread, by a series where both stretches are close."""
     # Up to this spread the first term left out is 1e-15 of the sum.
     limit = 0.01
     series: Expr = 0.0

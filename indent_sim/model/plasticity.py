@@ -1,8 +1,8 @@
 """Plasticity of metals and glasses: von Mises yield with isotropic hardening.
 
 The yield stress sigma(alpha) grows with the equivalent plastic strain alpha. With the trial von
-Mises stress q of an increment, which is that without plastic flow, the plastic strain increment d
-is zero while q <= sigma(alpha), and otherwise the root of
+Mises stress q of an increment, the stress without plastic flow, the plastic strain increment d is
+zero while q <= sigma(alpha), and otherwise the root of
 
     q - 3 mu d = sigma(alpha + d).
 
@@ -66,7 +66,7 @@ class Hardening:
 
     @property
     def laws(self) -> tuple[str, ...]:
-        """Keys of the given laws; a valid hardening has exactly one."""
+        """Keys of the given laws; a valid hardening has exactly one law."""
         return tuple(name for name in HARDENING_LAWS if getattr(self, name) is not None)
 
 
@@ -74,8 +74,9 @@ class Hardening:
 class Creep:
     """Rate-dependent flow (Perzyna): the flow stress is sigma(alpha) (1 + (alpha'/rate)^m).
 
-    alpha' is the rate of the equivalent plastic strain, `rate` [1/time] that at which the flow
-    stress is twice the yield stress sigma(alpha) of slow loading, and m the rate sensitivity.
+    alpha' is the rate of the equivalent plastic strain, `rate` [1/time] is the rate at which the
+    flow stress is twice the yield stress sigma(alpha) of slow loading, and m is the rate
+    sensitivity.
     """
 
     rate: Annotated[float, Gt(0), Unit("1/time")]
@@ -104,9 +105,9 @@ class FlowIncrement(NamedTuple):
 class Plasticity:
     """Von Mises yield with isotropic hardening, for the equivalent plastic strain alpha.
 
-    The yield stress `yield_stress` alone is perfect plasticity; `hardening` lets it grow. `n`,
-    `linear` or `voce` beside the yield stress is a short form of `hardening` with this law, by
-    which it is replaced. With `creep` the body flows with time under a stress above the yield
+    With the yield stress `yield_stress` alone the body is perfectly plastic; with `hardening` the
+    yield stress grows. The keys `n`, `linear` and `voce` beside the yield stress are short forms of
+    `hardening` with this law. With `creep` the body flows with time under a stress above the yield
     stress.
     """
 
@@ -118,7 +119,7 @@ class Plasticity:
     creep: Creep | None = None
 
     def __post_init__(self) -> None:
-        """Replace the short form by the hardening that it stands for."""
+        """Replace the short form by the equivalent `hardening`."""
         short = {name: getattr(self, name) for name in self.short_laws}
         if self.hardening is not None or len(short) != 1:
             return
@@ -128,7 +129,7 @@ class Plasticity:
 
     @property
     def short_laws(self) -> tuple[str, ...]:
-        """Keys of laws in the short form; a valid plasticity has none, since it is replaced."""
+        """Keys of laws in the short form, which the initialisation replaces by `hardening`."""
         return tuple(name for name in HARDENING_LAWS if getattr(self, name) is not None)
 
     def flow_stress(self, alpha: Expr, E: Expr) -> Expr:
@@ -203,7 +204,7 @@ class Plasticity:
         return FlowIncrement(d, 1 / (3 * mu + self.hardening_modulus(alpha + d, E)), 0.0 * excess)
 
     def _creep_increment(self, q: Expr, alpha: Expr, mu: Expr, E: Expr, dt: Expr) -> FlowIncrement:
-        """Return the plastic flow with creep; parameters as in `flow_increment`.
+        """Return the plastic flow with creep; the parameters are those of `flow_increment`.
 
         The overstress s is the unknown: with d = rate dt s^(1/m) it is the root of
         3 mu d + sigma(alpha + d) (1 + s) = q, or zero below the yield stress.

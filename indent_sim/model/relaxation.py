@@ -29,9 +29,9 @@ class PowerLaw:
 class Relaxation:
     """Stress relaxation of an elastic law with instantaneous constants.
 
-    It is given by `prony` terms [fraction, time], whose fractions sum to less than 1, or by a power
-    law. With `of` "all", all moduli relax by one factor at constant nu; with "shear", the shear
-    modulus relaxes at constant bulk modulus, also at finite strain.
+    The relaxation is given by `prony` terms [fraction, time], whose fractions sum to less than 1,
+    or by a power law. With `of` "all", all moduli relax by one factor at constant nu; with "shear",
+    the shear modulus relaxes at constant bulk modulus, at small and at finite strain.
     """
 
     prony: Annotated[tuple[RelaxationTerm, ...], Len(1, 100)] | None = None

@@ -64,8 +64,8 @@ def stability_losses(psi: Callable[[Expr, Expr, Expr], Expr], strain: float) -> 
 def largest_strain(tip: Indenter, a: float, delta: float, height: float) -> float:
     """Return the expected order of magnitude of the largest logarithmic strain, at most 2.
 
-    It is the largest of three estimates: the tip's slope at the contact edge, the depth divided by
-    the contact radius, and the mean compression of the body.
+    The result is the largest of three estimates: the tip's slope at the contact edge, the depth
+    divided by the contact radius, and the mean compression of the body.
     """
     inner_radius = 0.99 * a
     slope = float(tip.height(a, 0.0) - tip.height(inner_radius, 0.0)) / (a - inner_radius)

@@ -180,14 +180,13 @@ class State:
         Depth at which the force has become zero in unloading [length]; NaN in other rows.
     side_force_x, side_force_y
         Horizontal force on the tip, with friction, a tilt or a slide, along an axis to which no
-        mirror plane is normal [force]. Of a sliding tip it includes the force of the pressure on
-        the slope of the tip, also with a reference gap, so that it does the work of the slide.
+        mirror plane is normal [force]. For a sliding tip it includes the force of the pressure on
+        the slope of the tip, even with a reference gap, so that its work is the work of the slide.
     lateral_imbalance
-        Horizontal forces on the body that do not balance, of a sliding tip [force]; zero in
-        equilibrium.
+        Resultant horizontal force on the body under a sliding tip [force]; zero in equilibrium.
     moment
-        Integral of the vertical traction times the distance from the tip's axis along the tilt, of
-        an upright tip along its slide [force length]. The axis moves with the slide.
+        Integral of the vertical traction times the distance from the tip's axis along the tilt, or
+        for an upright tip along its slide [force length]. The axis moves with the slide.
     x_contact
         Distance of the resultant vertical force from the tip's axis in this direction [length].
     force_error, a_error, p_max_error, delta_error, residual_depth_error, stick_radius_error,
@@ -209,8 +208,8 @@ class State:
     a_base
         Radius of the contact with the flat on which a body rests [length].
     base_approach
-        Motion of the point at half of the height of such a body towards the flat, a part of delta
-        [length].
+        For a body that rests on a flat, motion of the point at half of its height towards the flat,
+        a part of delta [length].
     moved
         Volume of fluid that has moved, within the body or out of it [length^3].
     unbalanced
@@ -285,7 +284,7 @@ class State:
     surface: Surface | None = field(default=None, repr=False, compare=False)
 
     def __str__(self) -> str:
-        """Return the line of the log for this state."""
+        """Return the line of this state in the log."""
         return self.summary({})
 
     def summary(self, units: Mapping[str, str]) -> str:

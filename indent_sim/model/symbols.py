@@ -47,7 +47,8 @@ units.force: label of the force unit, for example N
 
 ## Body
 shape: shape of the body or tip, which determines the other keys of the section
-radius [length] $r_0$: radius of the cylinder, of the ball, of the flat punch, or of a soft plate
+radius [length] $r_0$: radius of the cylinder, of the ball, of the ellipsoid around its axis,
+  of the flat punch, or of a soft plate
 height [length] $h$: thickness of the body; it occupies -height <= z <= 0
 width [length] $w$: width of the strip; it occupies 0 <= x <= width, in plane strain
 base_radius [length] $b$: radius of the flat side on which a cap stands
@@ -55,7 +56,7 @@ contact_angle [degrees] $\theta$: contact angle of a cap, between base and curve
   of `height`
 size [length] $(l_x, l_y, l_z)$: edges of the box [0, l_x] x [0, l_y] x [-l_z, 0]
 base: support of the lower face; roller: slides without friction, does not lift; unbonded (cap,
-  ball): rests on a rigid flat and may lift; for a ball see docs/conventions.md
+  ball, ellipsoid): rests on a rigid flat and may lift; for balls see docs/conventions.md
 sides: support of the walls; roller: no normal displacement
 surfaces.contact: name in the file of the surface that the tip may touch; default: the faces that
   face up
@@ -543,5 +544,5 @@ PULL_OFF = (SYMBOLS["maugis_pull_off"], SYMBOLS["jkr_pull_off"])
 
 
 def lookup(name: str, section: str = "") -> Symbol | None:
-    """Return the symbol of a name, preferring an entry for the section; None if there is none."""
+    """Return the symbol of a name, preferably its entry for the section; None if unknown."""
     return SYMBOLS.get(f"{section}.{name}") or SYMBOLS.get(name)

@@ -88,7 +88,7 @@ class TiltedTip(_Tip):
         return f"tilted {self.tip.shape}"
 
     def face_position(self, x: Expr, y: Expr) -> tuple[Expr, Expr]:
-        """Return the position in the plane of a flat face below which a point lies [length]."""
+        """Return the position, in the plane of a flat face, of the point above (x, y) [length]."""
         s, q = self._components(x, y)
         return s / cos(self.tilt), q
 
@@ -126,7 +126,7 @@ class TiltedTip(_Tip):
         return along, f * cos_tilt - r * sin_tilt
 
     def gap_current(self, x: Expr, y: Expr, depth: Expr) -> Expr:
-        """Return the gap of the upright tip at this point in the tip's own frame [length].
+        """Return the gap of the upright tip at this point, in the tip's frame [length].
 
         `depth` is the height of the point above the lowest point of the tip.
         """
@@ -151,9 +151,10 @@ class TiltedTip(_Tip):
         )
 
     def space_coordinates(self, points: Any) -> Any:
-        """Return points (n, 3) of the frame of the tip in space, relative to the origin [length].
+        """Return points (n, 3), given in the frame of the tip, in coordinates of space [length].
 
-        z is the height above the lowest point.
+        The horizontal coordinates are relative to the origin; z is the height above the lowest
+        point.
         """
         cos_tilt = cos(self.tilt)
         sin_tilt = sin(self.tilt)
@@ -205,7 +206,8 @@ class TiltedTip(_Tip):
     def _quadric_height(self, s: Expr, q: Expr, T2: Expr, R: Expr, ended: Expr) -> Expr:
         """Return z on the lower surface of the quadric at (s, q) relative to its apex [length].
 
-        It is the root of A z^2 - 2 B z + C = 0 that vanishes with C; `ended` without a root.
+        It is the root of A z^2 - 2 B z + C = 0 that vanishes with C. Without a root, `ended` is
+        returned.
         """
         cos_tilt = cos(self.tilt)
         sin_tilt = sin(self.tilt)
@@ -239,7 +241,7 @@ class TiltedTip(_Tip):
         return where_less(along_axis, rho * (1 - sin_angle), ball, flank - above)
 
     def _profile_height(self, s: Expr, q: Expr, above: Expr, x: Expr, y: Expr) -> Expr:
-        """Return the height of a sharp profile, the largest of those of its cones [length]."""
+        """Return the height of a sharp profile, the largest height of its cones [length]."""
         cos_tilt = cos(self.tilt)
         sin_tilt = sin(self.tilt)
         heights = []
@@ -259,7 +261,7 @@ class TiltedTip(_Tip):
         return where_less(end * (1 + 1e-12), sqrt(X * X + Y * Y), ENDED_TIP_HEIGHT * end, height)
 
     def _pyramid_height(self, s: Expr, q: Expr) -> Expr:
-        """Return the height of a sharp pyramid, the largest of those of its faces [length]."""
+        """Return the height of a sharp pyramid, the largest height of its faces [length]."""
         cos_tilt = cos(self.tilt)
         sin_tilt = sin(self.tilt)
         slope = 1 / tan(self.tip.half_angle)
@@ -309,16 +311,16 @@ class TiltedTip(_Tip):
 
     @property
     def _length(self) -> float:
-        """A length of the tip, 1 if it has none [length]."""
+        """Characteristic length of the tip [length]; 1 if it has none."""
         end = max_radius(self.tip)
         lengths = [end, *(getattr(self.tip, name, 0.0) for name in ("R", "tip_radius"))]
         return next((length for length in lengths if 0 < length < inf), 1.0)
 
     def equivalent_tip(self, dim: int = 3) -> Indenter | None:
-        """Return the upright tip with equal sections at every height; None if there is none.
+        """Return the upright tip with equal sections at every height; None if no such tip exists.
 
         Sections are equal in area, in plane strain (`dim` 2) in width. For rounded tips it is a
-        tip that is equal near its apex and far from it.
+        tip that agrees with this tip near its apex and far from it.
         """
         tau = float(tan(self.tilt))
         T = float(tan(getattr(self.tip, "half_angle", 0.0)))
@@ -377,7 +379,7 @@ class TiltedTip(_Tip):
         a
             Contact radius, in plane strain half its width [length].
         dim
-            2 in plane strain, else 3.
+            2 in plane strain, otherwise 3.
 
         Returns
         -------
@@ -404,7 +406,7 @@ class TiltedTip(_Tip):
         return float((self.equivalent_tip() or self.tip).radius_at(depth))
 
     def slope(self, r: Expr) -> Expr:
-        """Return the slope of the upright tip with equal sections."""
+        """Return the slope of the upright tip whose horizontal sections have the same areas."""
         return (self.equivalent_tip() or self.tip).slope(r)
 
     def slope_discontinuities(self) -> list[tuple[float, float]]:
@@ -418,7 +420,7 @@ class TiltedTip(_Tip):
         return float(r)
 
     def radius_scale(self, r: float) -> float | None:
-        """Return the radius of curvature of the upright tip with equal sections; None if sharp."""
+        """Return the radius of curvature of the upright tip with equal sections, if it is round."""
         return (self.equivalent_tip() or self.tip).radius_scale(r)
 
     def characteristic_strain(self, delta: float, a: float) -> tuple[float, str]:
@@ -511,7 +513,7 @@ def _radii(tip: Indenter, depths: np.ndarray) -> np.ndarray:
 
 
 def _last_inside(is_inside: Callable[[np.ndarray], np.ndarray], start: np.ndarray) -> np.ndarray:
-    """Return the largest numbers that fulfil a condition, which no larger number fulfils."""
+    """Return the largest numbers that fulfil a condition; no larger number fulfils it."""
     high = start
     # A section that has no end is cut off after this number of doublings.
     for _ in range(40):
@@ -519,7 +521,7 @@ def _last_inside(is_inside: Callable[[np.ndarray], np.ndarray], start: np.ndarra
         if not inside.any():
             break
         high = np.where(inside, 2 * high, high)
-    low = np.zeros(len(high))
+    low: np.ndarray = np.zeros(len(high))
     for _ in range(BISECTIONS):
         middle = 0.5 * (low + high)
         inside = is_inside(middle)

@@ -56,7 +56,7 @@ class Lens:
     thickness
         Distance of the holder from the apex [length], at most the radius.
     material
-        Its law: linear elastic, or hyperelastic on a hyperelastic body.
+        Law of the cap: linear elastic, or hyperelastic on a hyperelastic body.
     """
 
     radius: float
@@ -80,7 +80,7 @@ class SoftCylinder:
     thickness
         Distance of the holder from the lower face [length].
     material
-        Its linear elastic law, defined by E and nu.
+        Linear elastic law of the cylinder, defined by E and nu.
     """
 
     radius: float
@@ -109,7 +109,7 @@ class _Tip:
         return None
 
     def face_position(self, x: Expr, y: Expr) -> tuple[Expr, Expr]:
-        """Return the position in the plane of a flat face below which a point lies [length]."""
+        """Return the position, in the plane of a flat face, of the point above (x, y) [length]."""
         return x, y
 
     @property
@@ -118,7 +118,7 @@ class _Tip:
         return 1.0
 
     def replace_upright(self, tip: Any) -> Any:
-        """Return another tip with the tilt of this one."""
+        """Return another tip with the same tilt as this tip."""
         return tip
 
     def height(self, x: Expr, y: Expr) -> Expr:
@@ -144,8 +144,8 @@ class _Tip:
     def radius_scale(self, r: float) -> float | None:
         """Return the radius of curvature that characterizes the tip up to the radius r [length].
 
-        It is the radius of the sphere through the apex and the surface at r; None if the tip is not
-        round there.
+        The result is the radius of the sphere through the apex and the surface at r; None if the
+        tip is not round at r.
         """
         inner_radius, radius = (_sphere_radius(x, float(self.height(x, 0.0))) for x in (r / 2, r))
         # A tip is round up to a radius r if the spheres through its apex and its surface at r and
@@ -157,9 +157,9 @@ class _Tip:
     def characteristic_strain(self, delta: float, a: float) -> tuple[float, str]:
         """Return the characteristic strain of a contact, and the formula as text.
 
-        It is 0.2 times the slope of the tip at the contact edge (Tabor 1951 for a ball, Johnson
-        1985, 6.3 for a cone, independent of the depth). A round tip is treated as a ball; a contact
-        that reaches the end of the tip is treated as that of a flat punch.
+        The strain is 0.2 times the slope of the tip at the contact edge (Tabor 1951 for a ball,
+        Johnson 1985, 6.3 for a cone, independent of the depth). A round tip is treated as a ball; a
+        contact that reaches the end of the tip is treated as that of a flat punch.
 
         Parameters
         ----------
@@ -508,7 +508,7 @@ class Plate(_FlatTip):
         return inf
 
     def radius_scale(self, r: float) -> None:
-        """Return None: a plane has no size."""
+        """Return None, because a plane has no size."""
         return None
 
     def characteristic_strain(self, delta: float, a: float) -> tuple[float, str]:
@@ -587,7 +587,7 @@ class RegularPyramid(_PointedTip):
     def radius_at(self, depth: float) -> float:
         """Return the equivalent radius of the section `depth` above the apex [length].
 
-        It is the radius of a circle of equal area; the rounding of edges is neglected.
+        This is the radius of a circle of equal area; the rounding of edges is neglected.
         """
         inscribed_cone = Cone(self.half_angle, self.tip_radius)
         is_on_cap = depth < self.tip_radius * (1 - sin(self.half_angle))
@@ -818,7 +818,7 @@ def max_radius(tip: _Tip) -> float:
 
 
 def flat_radius(tip: Indenter) -> float:
-    """Return the radius [length] of a tip's flat face; 0 if it has none."""
+    """Return the radius [length] of a tip's flat face; 0 if the tip has no flat face."""
     match tip:
         case Plate():
             return inf
@@ -828,7 +828,7 @@ def flat_radius(tip: Indenter) -> float:
 
 
 def sharp_edge_radius(tip: Indenter) -> float | None:
-    """Return the radius [length] of the sharp edge at which a tip ends; None without one."""
+    """Return the radius [length] of the sharp edge at which a tip ends; None without an edge."""
     match tip.upright:
         case FlatPunch(radius=radius, edge_radius=0.0):
             return radius
@@ -848,7 +848,7 @@ def gap_under_tip(tip: Indenter, gap: Expr) -> Expr:
 def pass_through_depth(tip: Indenter) -> float:
     """Return the penetration [length] above which a point may leave the tip on the far side.
 
-    It is half the radius for a sphere, and infinity for other tips.
+    The result is half the radius for a sphere, and infinity for other tips.
     """
     return tip.R / 2 if isinstance(tip, Sphere) else inf
 

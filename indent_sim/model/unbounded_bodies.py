@@ -53,7 +53,7 @@ class HalfSpace(_UnboundedBody):
 class InfiniteLayer(_UnboundedBody):
     """Infinitely wide layer -height <= z <= 0 [length].
 
-    It is solved by theory or on a sufficiently large finite body.
+    The layer is solved by theory or on a sufficiently large finite body.
     """
 
     height: Length

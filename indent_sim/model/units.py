@@ -1,7 +1,7 @@
 """Annotations of dataclass fields: dimension, range, and the key that selects one of several types.
 
-They are used to nondimensionalize scenes, to convert results to user units, to validate configs,
-and to generate the JSON schema and parts of the documentation.
+These annotations are used to nondimensionalize scenes, to convert results to user units, to
+validate configs, and to generate the JSON schema and parts of the documentation.
 """
 
 from __future__ import annotations

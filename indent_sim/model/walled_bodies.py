@@ -95,7 +95,7 @@ class _WalledBody(ABC):
     def wall_clearance(self, inclusion: Inclusion) -> float:
         """Return the distance [length] from an inclusion to the nearest wall.
 
-        It is negative if the inclusion protrudes.
+        The distance is negative if the inclusion protrudes.
         """
         positions = enumerate(zip(inclusion.center, self.widths, strict=False))
         return min(

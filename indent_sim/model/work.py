@@ -23,8 +23,8 @@ def path_integral(x: np.ndarray, F: np.ndarray) -> float:
 def work_of_rows(x: np.ndarray, F: np.ndarray) -> Work:
     """Return int F dx over straight lines between the rows, and its error.
 
-    The error of the lines is of second order in the distance of the rows, so that a third of the
-    change without every second row estimates it.
+    The error of the straight lines is of second order in the distance of the rows. It is estimated
+    as a third of the change of the integral if every second row is left out.
     """
     kept = np.unique([*range(0, len(x), 2), len(x) - 1])
     value = path_integral(x, F)

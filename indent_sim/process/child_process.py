@@ -229,7 +229,7 @@ P = TypeVar("P", bound=Answering)
 
 
 def wait_for_answers(processes: Iterable[P]) -> list[P]:
-    """Wait until a call in one of some processes has ended, and return those with an answer."""
+    """Wait until a call in one of the processes has ended; return the processes with answers."""
     waiting = list(processes)
     answered = list(map(id, _wait_for_descriptors(waiting)))
     return [process for process in waiting if id(process) in answered]
@@ -238,7 +238,7 @@ def wait_for_answers(processes: Iterable[P]) -> list[P]:
 if sys.platform == "win32":
 
     def _wait_for_descriptors(processes: list[Any]) -> list[Any]:
-        """Return the objects whose pipe has data or is closed, as soon as there is one."""
+        """Return the objects whose pipe has data or is closed, as soon as there is such a pipe."""
         # The system can wait for several pipes only if they were made for that purpose.
         seconds_between_looks = 0.02
         while not (ready := [process for process in processes if _has_data(process.fileno())]):
@@ -259,7 +259,7 @@ if sys.platform == "win32":
 else:
 
     def _wait_for_descriptors(processes: list[Any]) -> list[Any]:
-        """Return the objects whose descriptor is readable, as soon as there is one."""
+        """Return the objects whose descriptor is readable, as soon as at least one is."""
         from multiprocessing import connection
 
         return connection.wait(processes)

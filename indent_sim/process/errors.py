@@ -57,9 +57,9 @@ class UsageError(IndentSimError):
     problem
         Description of the error.
     remedy
-        Advice on how to avoid the error; empty if there is none.
+        Advice on how to avoid the error; may be empty.
     file
-        Path of the file or folder concerned; empty if there is none.
+        Path of the file or folder concerned; may be empty.
     """
 
     exit_code = 2
@@ -85,7 +85,7 @@ class ConfigError(IndentSimError):
     problem
         Description of the error, the predicate of a sentence whose subject is the key.
     remedy
-        Advice on how to correct the error; empty if there is none.
+        Advice on how to correct the error; may be empty.
     file, line
         File and line of the key, which the reader of the file sets.
     suggestion

@@ -22,7 +22,8 @@ def lock_file(descriptor: int, *, shared: bool = False, wait: bool = False) -> N
     descriptor
         Descriptor of the file, opened for reading and writing.
     shared
-        Allow other shared locks; otherwise no other process can lock the file.
+        Allow other processes to hold shared locks at the same time; otherwise no other process can
+        lock the file.
     wait
         Wait while another process has locked the file.
 
@@ -67,7 +68,7 @@ if sys.platform == "win32":
         )
 
     def _system_lock(descriptor: int, shared: bool, wait: bool) -> None:
-        """Lock one byte far beyond the end of the file, so that others can still read the file."""
+        """Lock one byte far beyond the end of the file, so that the file can still be read."""
         import msvcrt
 
         error_lock_violation = 33

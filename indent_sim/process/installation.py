@@ -24,12 +24,12 @@ SOLVER_GLIBC = (2, 34)
 
 
 def installed_solver_packages() -> list[str]:
-    """Return those of SOLVER_PACKAGES that are installed, without importing them."""
+    """Return the installed ones of SOLVER_PACKAGES, without importing them."""
     return [name for name in SOLVER_PACKAGES if _is_installed(name)]
 
 
 def is_made_by_setup() -> bool:
-    """Return whether scripts/setup has made this environment, with Debian's packages."""
+    """Return whether scripts/setup has made this environment from Debian's packages."""
     return (Path(sys.prefix) / SETUP_STAMP).exists()
 
 

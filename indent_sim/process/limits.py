@@ -70,7 +70,7 @@ def require_resources() -> None:
 def _require_limit(
     resource_name: str, command: str, limit: str, required: float, unit: float = 1.0
 ) -> None:
-    """Raise BackendError if a limit is below `required`; `command` is the shell command for it."""
+    """Raise BackendError if a limit is below `required`; the shell `command` raises the limit."""
     allowed = soft_limit(limit) / unit
     if allowed < required:
         raise BackendError(
@@ -80,7 +80,7 @@ def _require_limit(
 
 
 def limit_resources(seconds: float, memory: float) -> None:
-    """Limit the CPU time and the memory of this process, as far as the system can.
+    """Limit the CPU time and the memory of this process, where the system supports it.
 
     When the time is used up, SIGXCPU ends the process. When the memory is used up, MemoryError is
     raised or a library aborts the process. Windows limits neither, macOS only the time.
@@ -90,7 +90,7 @@ def limit_resources(seconds: float, memory: float) -> None:
     seconds
         Total CPU time [s].
     memory
-        Memory in addition to that in use [bytes].
+        Memory in addition to the memory already in use [bytes].
     """
     lower_limit("CPU", math.ceil(seconds))
     if used := address_space():
@@ -100,7 +100,7 @@ def limit_resources(seconds: float, memory: float) -> None:
 def write_error(target: object, error: OSError) -> IndentSimError:
     """Return the error to raise if a file or folder cannot be written.
 
-    It is NotConverged if the disk is full, otherwise UsageError. `target` is the path or a
+    The error is NotConverged if the disk is full, otherwise UsageError. `target` is the path or a
     description of the file.
     """
     kind = NotConverged if error.errno in DISK_FULL_ERRORS else UsageError

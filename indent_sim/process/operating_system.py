@@ -13,7 +13,7 @@ from typing import Any
 
 
 def soft_limit(name: str) -> float:
-    """Return a limit, such as that of RLIMIT_NOFILE for "NOFILE"; infinite if there is none."""
+    """Return a limit by its name, e.g. "NOFILE" for RLIMIT_NOFILE; infinite without a limit."""
     resource = _resource_module()
     number = getattr(resource, f"RLIMIT_{name}", None)
     if number is None:
@@ -34,7 +34,7 @@ def lower_limit(name: str, value: int) -> None:
 
 
 def _resource_module() -> Any:
-    """Return the module resource; None on a system without it."""
+    """Return the Python module `resource`; None on a system without this module."""
     try:
         import resource
     except ImportError:

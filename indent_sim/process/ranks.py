@@ -30,9 +30,9 @@ class SerialComm:
 
 
 class FailureConsensus:
-    """Counts the failed ranks, with the result known to all ranks (collective).
+    """Counts the failed ranks; the result is known to all ranks (collective).
 
-    It uses a duplicate of the communicator, so that pending messages of other calls do not
+    The object uses a duplicate of the communicator, so that pending messages of other calls do not
     interfere.
     """
 
@@ -49,7 +49,7 @@ class FailureConsensus:
         Parameters
         ----------
         own_failures
-            1 if this rank has failed, else 0.
+            1 if this rank has failed, otherwise 0.
 
         Returns
         -------

@@ -26,7 +26,7 @@ def open_descriptor(path: Path, flags: int, mode: int = 0o644) -> int:
 
 
 def refuse_irregular(descriptor: int, path: str | Path) -> None:
-    """Raise OSError, and close the descriptor, if it is not that of a regular file."""
+    """Raise OSError, and close the descriptor, if it does not refer to a regular file."""
     kind = os.fstat(descriptor).st_mode
     if stat.S_ISREG(kind):
         return

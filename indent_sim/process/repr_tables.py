@@ -62,7 +62,7 @@ class ReprTable:
 
 
 def cell_text(value: Any) -> str:
-    """Return a value as text: numbers with six digits, None and NaN empty, long text truncated."""
+    """Return a value as text: numbers with six digits, long text truncated, None and NaN as ""."""
     if value is None or value != value:
         return ""
     text = f"{value:.6g}" if isinstance(value, float) else printable(str(value))

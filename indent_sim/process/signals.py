@@ -12,7 +12,7 @@ from typing import Any
 
 
 def _known_signals(*names: str) -> tuple[signal.Signals, ...]:
-    """Return those of the named signals that the system has."""
+    """Return the named signals that exist on this system."""
     return tuple(signal.Signals[name] for name in names if name in signal.Signals.__members__)
 
 
@@ -56,7 +56,7 @@ def raise_pending_signal() -> None:
 
 @contextmanager
 def reraise_signal() -> Iterator[None]:
-    """Context manager that raises Interrupted if a library has replaced it by another error.
+    """Context manager that raises Interrupted if a library has replaced it by its own error.
 
     PETSc, for example, raises its own error if a callback has raised an exception.
     """

@@ -52,7 +52,7 @@ def address_space() -> float:
 
 
 def peak_memory() -> float:
-    """Return the peak memory of this process plus that of the largest child process call [MB]."""
+    """Return the peak memory [MB] of this process plus that of the largest child process call."""
     return _own_peak_memory() + CHILD_USAGE.memory
 
 
@@ -66,7 +66,7 @@ def reset_peak_memory() -> None:
 def _own_peak_memory() -> float:
     """Return the peak memory of this process without its child processes [MB].
 
-    It is read from /proc if possible, because Linux includes the memory of the process that
+    The value is read from /proc if possible, because Linux includes the memory of the process that
     started this one.
     """
     return _proc_status("VmHWM:") or operating_system.peak_memory() / 1024**2

@@ -1,4 +1,4 @@
-"""Atomic writing of files: neither a reader nor a kill ever sees a partial change."""
+"""Atomic writing of files: no reader ever sees a partial change, even after a kill."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def append_atomically(path: Path, data: bytes, sync: bool = True, tail: bytes = 
     Parameters
     ----------
     path
-        The file; it is created if there is none.
+        The file; it is created if it does not exist.
     data
         Bytes to add.
     sync

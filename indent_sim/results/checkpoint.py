@@ -62,7 +62,7 @@ class Checkpoint:
 
 
 def write(path: Path, saved: Checkpoint, identity: Report) -> None:
-    """Write the checkpoint file, in place of an earlier one.
+    """Write the checkpoint file and replace an earlier one.
 
     Parameters
     ----------

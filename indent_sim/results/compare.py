@@ -134,15 +134,15 @@ def compare(
     differ, the curve with more rows is interpolated in depth, separately for approach and
     retraction. A simulated result is interpolated by power laws between neighbouring rows, and a
     measured curve linearly. If the times of two histories differ, the history with more rows is
-    evaluated at the times of the other history. If it has a row at such a time, this row is used
-    (at a jump, the row on the same side of the jump); otherwise it is interpolated linearly. The
-    interpolation error is of order h^2; it is estimated as a quarter of the error that results if
-    every second row is interpolated from its neighbours.
+    evaluated at the times of the other history. A row at such a time is used directly (at a jump,
+    the row on the same side of the jump); between its rows the history is interpolated linearly.
+    The interpolation error is of order h^2; it is estimated as a quarter of the error that results
+    if every second row is interpolated from its neighbours.
 
     A measured curve is converted to the units of the other result. A history that an earlier
     version wrote to experiment.csv can be compared with one in the force table. Rows of two files
     experiment.csv or dynamic.csv are matched by their number, and all columns are compared,
-    including text. If both results have these files, they are compared, too.
+    including text. If both results have these files, they are compared as well.
 
     Parameters
     ----------
@@ -293,7 +293,7 @@ def _is_matched(
 def _compare_by_time(
     paths: tuple[Path, Path], A: Table, B: Table, tolerances: dict[str, float]
 ) -> Comparison | None:
-    """Compare histories at the times of the one with fewer rows; None without common times."""
+    """Compare histories at the times of the history with fewer rows; None without common times."""
     is_first_denser = len(A["t"]) >= len(B["t"])
     (dense, sparse), (dense_path, sparse_path) = (
         ((A, B), paths) if is_first_denser else ((B, A), paths[::-1])
@@ -328,7 +328,7 @@ def _compare_by_time(
 def _compare_by_depth(
     paths: tuple[Path, Path], A: Table, B: Table, tolerances: dict[str, float]
 ) -> Comparison | None:
-    """Compare tables at the depths of the one with fewer rows; None without common depths."""
+    """Compare tables at the depths of the table with fewer rows; None without common depths."""
     is_first_denser = len(A["delta"]) >= len(B["delta"])
     (dense, sparse), (dense_path, sparse_path) = (
         ((A, B), paths) if is_first_denser else ((B, A), paths[::-1])
@@ -360,8 +360,8 @@ def _compare_by_depth(
 def _force_tables(paths: tuple[Path, Path], A: Table, B: Table) -> tuple[Table, Table]:
     """Return the two force tables.
 
-    If only one of them has times, the other one is replaced by the history in its experiment.csv,
-    if it exists.
+    If only one of the two results has times, the table of the other result is replaced by the
+    history in its experiment.csv, if that file exists.
     """
     if ("t" in A) == ("t" in B):
         return A, B
@@ -438,7 +438,7 @@ def _refuse_missing(name: str, tables: Mapping[str, Table]) -> None:
 def _relative_difference(pair: np.ndarray) -> np.ndarray:
     """Return |x - y| / max(|x|, |y|, 1e-6 max|column|) of pairs (rows, 2).
 
-    The difference is 0 for two NaN, and infinite if only one of them is NaN.
+    The difference is 0 for two NaN, and infinite for a pair with one NaN.
     """
     finite = np.abs(pair[np.isfinite(pair)])
     floor = 1e-6 * finite.max(initial=0.0)

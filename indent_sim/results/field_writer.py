@@ -2,10 +2,10 @@
 
 fields/ holds the mesh and every kept state in one HDF5 file each. A file is created in memory,
 written under a temporary name and renamed, because the HDF5 library does not recover from a full
-disk. fields.xdmf refers to a state as soon as its file exists. If all states are kept, each one is
-inserted before the closing tags in one write, so that the total number of written bytes is
-proportional to the number of states. tip.xdmf describes the tip on a separate mesh: points at
-first contact, and displacement, which deforms a soft tip.
+disk. fields.xdmf refers to a state as soon as the file of the state exists. If all states are kept,
+each state is inserted before the closing tags in one write, so that the total number of written
+bytes is proportional to the number of states. tip.xdmf describes the tip on a separate mesh: points
+at first contact, and displacement, which deforms a soft tip.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ class FieldWriter:
     """Writer of a time series of fields on one mesh, and of the tip above it.
 
     A state is stored at its time, or at the number of its step if the scene has no times. If two
-    states have the same time, the later one gets the next larger floating-point number.
+    states have the same time, the next larger floating-point number is stored for the later state.
 
     Parameters
     ----------

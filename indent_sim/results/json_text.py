@@ -27,7 +27,7 @@ def to_json(value: Any, indent: int | None = 2) -> str:
 
 
 def json_data(value: Any) -> Any:
-    """Return a value as plain data for JSON; numbers that are not finite become None."""
+    """Return a value as data for JSON; numbers that are not finite become None."""
     text = json.dumps(value, default=_plain_data)
     return json.loads(text, parse_constant=lambda name: None)
 

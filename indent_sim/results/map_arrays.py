@@ -16,7 +16,7 @@ from indent_sim.process.installation import afm_command
 def require_hdf5(result: str) -> None:
     """Raise BackendError if the package that writes HDF5 files is missing.
 
-    `result` names what would be written, for the message.
+    `result` is the name of the file or result to be written, for the message.
     """
     try:
         import h5py  # noqa: F401

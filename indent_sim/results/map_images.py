@@ -27,7 +27,7 @@ def gwyddion_field(
     title : str
         Name of the quantity.
     unit : str
-        Its SI unit.
+        SI unit of the quantity.
     """
     rows, columns = values.shape
     header = {"XRes": columns, "YRes": rows, "Title": title}
@@ -42,7 +42,7 @@ def gwyddion_field(
 
 
 def tiff_image(values: np.ndarray, size: tuple[float, float] | None, unit: str) -> bytes:
-    """Return an image of 32-bit floating-point numbers as TIFF, with ImageJ's width of a pixel.
+    """Return an image of 32-bit floating-point numbers as TIFF, with pixel sizes for ImageJ.
 
     Parameters
     ----------

@@ -32,7 +32,7 @@ class MemoryFolder:
     columns
         Columns of the force table that not every scene has.
     **file_options
-        Options of files, which have no meaning here.
+        Options of files, which have no effect.
     """
 
     def __init__(
@@ -98,7 +98,7 @@ class MemoryFolder:
         return Results(self._target, table, report)
 
     def _column(self, name: str) -> np.ndarray:
-        """Return a column of the force table; NaN where it has no value."""
+        """Return a column of the force table; NaN in rows without a value."""
         values = [state.column(name) for state in self.states]
         if name in WORD_COLUMNS:
             return np.array(values, dtype=object)

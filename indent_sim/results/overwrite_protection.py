@@ -45,7 +45,7 @@ def refuse_overwrite(folder: Path, config_yaml: str, report: Report) -> None:
     config_yaml
         The resolved scene of the new run.
     report
-        The run.json of the new run, of which the entries `asked` and `plan.auto` are used.
+        The run.json of the new run; only its entries `asked` and `plan.auto` are used.
 
     Raises
     ------
@@ -82,7 +82,8 @@ def scene_differences(
     """Return texts on the differences between the scenes of a finished and a new run.
 
     Keys that both runs left at auto are ignored, since their values may depend on another key or on
-    the program's version. Error bars count as a difference if the new run would have none.
+    the program's version. Error bars of the old run count as a difference if the new run would have
+    none.
 
     Parameters
     ----------
@@ -118,7 +119,7 @@ def scene_differences(
     if old_options.get("error_bars") and not (
         new_options.get("error_bars") or new_values["accuracy"]
     ):
-        differences.append("it has error bars, but --error-bars is not given now")
+        differences.append("it has error bars, but the new run has no --error-bars")
     return differences
 
 

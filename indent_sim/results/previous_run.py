@@ -161,7 +161,7 @@ def missing_files(folder: Path, surface: KeptStates, fields: KeptStates) -> list
 
 
 def _current_config_yaml(path: Path) -> str:
-    """Return the config of a result with all keys of this version, new ones at their defaults.
+    """Return the config of a result with all keys of this version, new keys at their defaults.
 
     A config that the present version cannot read is returned unchanged. UnicodeDecodeError is
     raised if the file is not text.
@@ -185,7 +185,7 @@ def _contains_key(document: Any, path: KeyPath) -> bool:
 def _refuse_other_config(
     folder: Path, old_yaml: str, new_yaml: str, automatic_keys: Collection[str]
 ) -> None:
-    """Raise ConfigError if two configs differ, with the first key that differs.
+    """Raise ConfigError, with the first key that differs, if two configs differ.
 
     A key that was auto in both runs (`automatic_keys`) is named only if no other key differs.
     """

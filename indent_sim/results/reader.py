@@ -97,9 +97,9 @@ class Results:
     table
         Columns of force_indentation.csv by name, each (rows,).
     report
-        The content of run.json; empty if there is none.
+        The content of run.json; empty if the file does not exist.
     surface
-        Columns of surface.csv by name; empty if there is none.
+        Columns of surface.csv by name; empty if the file does not exist.
     """
 
     path: Path
@@ -124,7 +124,8 @@ class Results:
     def unloading_row(self, F_max: float) -> int:
         """Return the index of the row at which unloading from the force F_max begins.
 
-        After a hold it is the last row of the hold: a body that creeps has a larger contact then.
+        After a hold, the last row of the hold is returned, because the contact of a creeping body
+        grows during the hold.
         """
         # Prescribed forces are found to 1e-10, so that those of a hold differ by that.
         tolerance = 1e-9 * abs(F_max)
@@ -239,15 +240,15 @@ def report_of(path: Path) -> Report:
 
 
 def _is_result_table(path: Path) -> bool:
-    """Return whether a file has the columns of a force table, or cannot be read."""
+    """Return whether a file has the columns of a force table; True if the file cannot be read."""
     return "step" in header_of(path) or not path.is_file()
 
 
 def _read_curve_file(path: Path) -> Results:
     """Read the first curve of a file of measured curves as a table.
 
-    If the file has no depth, the displacement z of the base is used instead. What the reader
-    guessed, such as the meaning of a column, is a warning.
+    If the file has no depth, the displacement z of the base is used instead. Every assumption made
+    in reading, such as the meaning of a column, is added as a warning.
     """
     # This import loads the readers of all formats, which a simulation does not need.
     from indent_sim.results.measured.curve_file import read_curves
@@ -337,7 +338,7 @@ def rows_of(states: Iterable[State], with_reactions: bool = False) -> list[dict[
 def read_history(folder: Path) -> dict[str, np.ndarray]:
     """Read the rows of a history with their times t and displacements z of the base.
 
-    They are read from the force table, or else from experiment.csv.
+    The rows are read from the force table, or from experiment.csv if the force table has no times.
 
     Raises
     ------

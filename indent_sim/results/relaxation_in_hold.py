@@ -51,7 +51,7 @@ class HoldRelaxation:
 
 
 def first_hold(results: Results) -> HoldRelaxation | None:
-    """Return the first hold of a result; None without a history, or if it has too few rows."""
+    """Return the first hold of a result; None without a history or if the hold has too few rows."""
     if not {"t", "branch"} <= set(results.table):
         return None
     hold_rows = np.flatnonzero(results["branch"] == "hold")

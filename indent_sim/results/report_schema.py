@@ -153,7 +153,7 @@ def _damaged_report(folder: Path, why: str) -> UsageError:
 def _check_theory(theory: Report) -> None:
     """Check relations between entries of `theory` that the schema cannot express."""
     if theory and theory.get("delta_deviation", theory.get("force_deviation")) is None:
-        raise ValueError("the entry theory has no deviation of the run")
+        raise ValueError("the entry theory lacks the deviation of the run from theory")
     half_space = theory.get("half_space")
     computed = "delta" if "delta_deviation" in theory else "force"
     for formula in filter(None, [half_space, *theory.get("formulas", [])]):

@@ -88,7 +88,8 @@ def read_report(folder: Path, name: str = REPORT) -> Report:
     Returns
     -------
     dict
-        Empty if there is no such file, or if it was not written by this program.
+        The content of the file; empty if there is no such file, or if it was not written by this
+        program.
 
     Raises
     ------
@@ -109,9 +110,9 @@ def read_report(folder: Path, name: str = REPORT) -> Report:
 def folder_kind(folder: Path) -> Literal["nothing", "run", "study", "fit", "other"]:
     """Return the kind of content of a folder: a run, a study, a fit, nothing, or other files.
 
-    "nothing" stands for a missing or empty folder, and for a folder that contains only the lock,
-    the empty runs/ or curves/, or the unfinished fit.json of a run, study or fit that was killed at
-    its start.
+    "nothing" means a missing or empty folder, and for a folder that contains only the lock, the
+    empty runs/ or curves/, or the unfinished fit.json of a run, study or fit that was killed at its
+    start.
 
     Raises
     ------
@@ -207,7 +208,7 @@ def field_files(fields: Path) -> list[Path]:
 
 
 def delete_own_fields(fields: Path) -> None:
-    """Delete this program's files in a folder of fields, and the folder if nothing else is in it.
+    """Delete this program's files in a folder of fields, and the folder if it is then empty.
 
     A link in place of the folder is deleted, but not its target.
     """
@@ -224,12 +225,16 @@ def refuse_links(folder: Path) -> None:
     """
     fields = folder / FIELDS_FOLDER
     if os.path.lexists(fields) and (fields.is_symlink() or not fields.is_dir()):
-        raise UsageError(f"{fields} is a link or not a folder, and is not written")
+        raise UsageError(
+            f"{fields} is a link, or is not a folder, so that nothing is written to it"
+        )
     for path in [*(folder / name for name in sorted(RESULT_FILES | {LOCK})), *field_files(fields)]:
         with suppress(FileNotFoundError):
             file_status = path.lstat()
             if not stat.S_ISREG(file_status.st_mode) or file_status.st_nlink > 1:
-                raise UsageError(f"{path} is a link or not a file, and is not written")
+                raise UsageError(
+                    f"{path} is a link, or is not a file, so that nothing is written to it"
+                )
 
 
 def has_rows(folder: Path) -> bool:
@@ -261,7 +266,7 @@ def refuse_foreign(
     kind
         Kind of the results that may be replaced: "run", "study" or "fit".
     written_names
-        Names of files that will be written under names which other programs might use, too.
+        Names of files to be written that other programs might use as well.
     """
     if _is_absent(target):
         return
@@ -282,8 +287,9 @@ def refuse_foreign(
 def config_file_entries(file: str, folder: Path) -> dict[str, str]:
     """Return the entries of run.json that name the config file of a run.
 
-    They are its absolute path, and its path relative to the result folder, which is still valid if
-    both are moved together. Empty for a run without a config file.
+    The entries are the absolute path of the config file, and its path relative to the result
+    folder, which remains valid if both are moved together. The result is empty for a run without a
+    config file.
     """
     if not file:
         return {}
@@ -296,7 +302,7 @@ def config_file_entries(file: str, folder: Path) -> dict[str, str]:
 
 
 def is_same_config_file(old_report: Report, new_report: Report, folder: Path) -> bool:
-    """Return whether two runs have the same config file; True if one of them names no file.
+    """Return whether two runs have the same config file; True if a run names no config file.
 
     Parameters
     ----------

@@ -10,7 +10,7 @@ from pathlib import Path
 from indent_sim.config.scene_file import load_result_config
 from indent_sim.config.schema import Config
 from indent_sim.model.body import AnyBody
-from indent_sim.model.spherical_bodies import Ball
+from indent_sim.model.spherical_bodies import CurvedBody
 from indent_sim.process.errors import IndentSimError
 from indent_sim.results.atomic_files import read_regular_file
 from indent_sim.results.result_files import CONFIG
@@ -44,4 +44,4 @@ def _cached_scene(file: Path, modified_ns: int, inode: int) -> Config | None:
 
 def contacts_per_body(body: AnyBody) -> int:
     """Return the number of equal contacts of a body; it is 2 for a ball between two tips."""
-    return body.spherical_body.contacts_per_body if isinstance(body, Ball) else 1
+    return body.spherical_body.contacts_per_body if isinstance(body, CurvedBody) else 1

@@ -126,8 +126,8 @@ def _audit_table(report: Report) -> Table:
 def _key_numbers(results: Results) -> list[tuple[str, str]]:
     """Return names and values of the quantities in the most important row.
 
-    It is the row of the largest depth, or in a history the row of the largest force (the last row
-    if all forces are 0).
+    The most important row is that of the largest depth, or in a history the row of the largest
+    force (the last row if all forces are 0).
     """
     if not len(results):
         return []
@@ -280,7 +280,7 @@ def _pull_off_sentences(results: Results) -> list[str]:
 
 
 def _report_section(report: Report, *names: str) -> Report:
-    """Return a nested section of run.json by its keys from the top; empty if there is none."""
+    """Return a nested section of run.json, found by its keys from the top; empty if missing."""
     for name in names:
         report = report.get(name) or {}
     return report

@@ -67,7 +67,7 @@ def history_chord_error(history: Table) -> float:
 def interpolate_table(
     dense: Table, sparse: Table, names: Sequence[str]
 ) -> tuple[np.ndarray, dict[str, np.ndarray], float]:
-    """Interpolate a table at the depths of another one, approach and retraction separately.
+    """Interpolate a table at the depths of another table, separately in approach and retraction.
 
     Parameters
     ----------
@@ -131,8 +131,8 @@ def _interpolation_error(x: np.ndarray, y: np.ndarray, is_smooth: bool) -> float
     """Estimate the largest interpolation error between the points of a curve.
 
     Every second point is left out and interpolated from its neighbours. The error of this
-    interpolation is O((2h)^2), so that a quarter of it estimates the error O(h^2) between all
-    points.
+    interpolation is O((2h)^2), so that a quarter of it is an estimate of the error O(h^2) between
+    all points.
     """
     if len(x) < MIN_ROWS:
         return 0.0
@@ -150,7 +150,7 @@ def _interpolation_error(x: np.ndarray, y: np.ndarray, is_smooth: bool) -> float
 
 
 def rows_by_occurrence(column: np.ndarray) -> dict[tuple[str, int], int]:
-    """Return the row numbers by value and k, for the k-th occurrence of the value.
+    """Return the row number of the k-th occurrence of every value, keyed by value and k.
 
     Values are rounded to 10 digits.
     """

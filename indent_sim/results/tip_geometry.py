@@ -29,8 +29,8 @@ class TipGeometry:
     cells
         Numbers of the points of each line (m, 2) or triangle (m, 3).
     contacts_per_body
-        Number of equal contacts of the body. It is 2 for a ball between two tips, of which one half
-        is modelled and each tip moves by half of the depth.
+        Number of equal contacts of the body. It is 2 for a ball between two tips: one half of the
+        ball is modelled, and each tip moves by half of the depth.
     slide_axis
         Horizontal axis along which the tip slides: 0 (x) or 1 (y).
     """
@@ -121,7 +121,8 @@ def tip_mesh(
 ) -> TipGeometry:
     """Return the mesh of a tip up to a distance from its axis.
 
-    It is the half section (axisymmetric), the whole section (plane strain), or the surface (3D).
+    The mesh is the half section (axisymmetric), the whole section (plane strain), or the surface
+    (3D).
 
     Parameters
     ----------
@@ -179,8 +180,8 @@ def _tip_surface(tip: Indenter, width: float) -> tuple[np.ndarray, np.ndarray]:
 def plot_width(tip: Indenter, a: float, delta: float) -> float:
     """Return the distance from the axis to which a tip is drawn [length].
 
-    It is larger than the contact radius a and the depth. A tip that is not much wider is drawn as a
-    whole.
+    This distance is larger than the contact radius a and the depth. A tip that is not much wider is
+    drawn as a whole.
     """
     contact_width = 2.5 * max(a, abs(delta))
     if max_radius(tip) < 2 * contact_width:

@@ -144,7 +144,7 @@ class ResultFolder:
             write_atomically(self.path / name, content, self._next_write_syncs)
 
     def _resume_previous_run(self, earlier: PreviousRun) -> None:
-        """Continue in the folder of a previous run, behind its last complete row."""
+        """Continue in the folder of a previous run, after its last complete row."""
         self._output.resume_in_place()
         # An older version of this program may have written fewer columns.
         self._columns = earlier.columns
@@ -277,7 +277,7 @@ class ResultFolder:
                     (self.path / name).unlink(missing_ok=True)
 
     def save_checkpoint(self, saved: Checkpoint, identity: Report) -> None:
-        """Save the last equilibria for `--resume`; a full disk is ignored, as they are optional."""
+        """Save the last equilibria for `--resume`; nothing is saved if the disk is full."""
         with defer_signals(), suppress(OSError):
             checkpoint.write(self.path / CHECKPOINT, saved, identity)
 
@@ -349,10 +349,10 @@ class ResultFolder:
             overwrite_in_place(self.path / REPORT, to_json(last_report, indent=None).encode())
 
     def _write_surface(self, state: State, surface: Surface) -> None:
-        """Write the surface of a state, as the key `output.surface` requests.
+        """Write the surface of a state, if the key `output.surface` requests it.
 
-        With "all", surfaces of all states are appended to the table. With "last", only those of
-        the deepest and the last state are kept.
+        With "all", surfaces of all states are appended to the table. With "last", only the surfaces
+        of the deepest and the last state are kept.
         """
         path = self.path / SURFACE
         block = tables.surface_block(state.step, surface)

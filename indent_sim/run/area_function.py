@@ -42,7 +42,7 @@ class AreaFunction:
     smallest, largest
         Range of depths [length] in which the function is known.
     tip
-        The tip, if its section is the area.
+        The tip whose section is the area; None for other area functions.
     """
 
     words: str
@@ -183,13 +183,13 @@ def _area_of_file(path: Path, units: Mapping[str, str]) -> AreaFunction:
 
 
 def _unit_in_brackets(title: str) -> str:
-    """Return the unit at the end of a title such as h_c [nm] or A (nm^2); "" without one."""
+    """Return the unit at the end of a title such as h_c [nm] or A (nm^2); "" without a unit."""
     match = re.fullmatch(r".*[\[(]([^\])]*)[\])]\s*", title)
     return match[1].strip() if match else ""
 
 
 def _factors(path: Path, layout: TextLayout, units: Mapping[str, str]) -> tuple[float, float]:
-    """Return the factors from the units of a table to the units of the curve; 1 without units."""
+    """Return the factors from the units of a table to those of the curve; 1 if it has no units."""
     if not layout.titles:
         return 1.0, 1.0
     depth_unit, area_unit = (_unit_in_brackets(title.text) for title in layout.titles[:2])
@@ -198,7 +198,8 @@ def _factors(path: Path, layout: TextLayout, units: Mapping[str, str]) -> tuple[
     if not (depth_unit and area_unit and units.get("length")):
         raise UsageError(
             f"{path}: the unit of depth is '{depth_unit}', that of area '{area_unit}', and the "
-            f"length of the curve has '{units.get('length', '')}'; all three or none must have one",
+            f"length of the curve has '{units.get('length', '')}'; either all three or none of "
+            "them must have a unit",
             "write titles such as 'depth [nm],area [nm^2]'",
             str(path),
         )

@@ -84,7 +84,7 @@ class DerivedQuantities:
     def _hertz_modulus(self, state: State) -> float:
         """Return the modulus with which the half-space formula gives the force of the state.
 
-        NaN without a force.
+        The modulus is NaN if the force is zero or there is no formula.
         """
         physics = self.scene.physics
         # The force of the state is round-off if a force of zero is prescribed.
@@ -94,7 +94,7 @@ class DerivedQuantities:
         return physics.material.constants.E * state.force / force if force else nan
 
     def _residual_depth(self, state: State) -> float:
-        """Return the depth of the last row of unloading if its force is zero [length], else NaN."""
+        """Return the depth of the last row of unloading [length]; NaN unless its force is zero."""
         physics = self.scene.physics
         assert physics.path.unloading
         # Round-off of the force, relative to that of a contact with a strain of about 1.
@@ -134,7 +134,7 @@ class DerivedQuantities:
 def punches_of(scene: Scene, equilibrium: Equilibrium = None) -> Punches:
     """Return flat punches of every radius on a linear axisymmetric body.
 
-    They are solved by theory or by static condensation.
+    The punches are solved by theory or by static condensation.
 
     Raises
     ------
@@ -178,9 +178,9 @@ def hertz_fit(scene: Scene, states: Sequence[State]) -> dict[str, Any] | None:
     Returns
     -------
     dict or None
-        `E`: the modulus [user's units]; `percent`: its difference from that of the material below
-        the tip; `against`: the name of that material if there are several. None with adhesion or
-        yield, or if there is no formula or no contact.
+        `E`: the modulus [user's units]; `percent`: the difference from the modulus of the material
+        below the tip; `against`: the name of this material if there are several. None with adhesion
+        or yield, or if there is no formula or no contact.
     """
     if scene.plan.adhesion or scene.physics.yields:
         return None

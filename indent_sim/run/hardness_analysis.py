@@ -21,7 +21,9 @@ from indent_sim.results.csv_table import header_of
 from indent_sim.results.measured.curve_file import read_curves
 from indent_sim.results.measured.indentation_cycle import (
     MAX_LAST_FORCE,
+    CreepRate,
     IndentationCycle,
+    creep_rate,
     indentation_cycle,
     low_force_hold,
 )
@@ -40,6 +42,7 @@ QUANTITIES = {
     "E_r": ("pressure", "reduced modulus of sample and tip"),
     "eta_IT": ("%", "elastic part of the work of indentation"),
     "C_IT": ("%", "creep: relative increase of the depth in the hold"),
+    "dh_dt": ("rate", "rate of the depth in the last third of the hold"),
     "S": ("stiffness", "contact stiffness dF/dh at the beginning of unloading"),
     "F_max": ("force", "force at the beginning of unloading"),
     "h_max": ("length", "depth at the beginning of unloading"),
@@ -72,7 +75,7 @@ UNITS_REMEDY = "give the units of the file with --units, for example --units len
 
 @dataclass(frozen=True)
 class HardnessOptions:
-    """Settings of the analysis; texts are numbers in the units of the curve or quantities.
+    """Settings of the analysis; texts are quantities, or numbers in the units of the curve.
 
     Attributes
     ----------
@@ -125,19 +128,19 @@ class Hardness:
     values
         Value of every quantity of QUANTITIES; None if the curve does not determine it.
     errors
-        Half-widths of the 95 % intervals by the scatter of the curve, and errors of the integration
-        of works; None for unknown values.
+        Half-widths of the 95 % intervals due to the scatter of the curve, and integration errors of
+        works; None for unknown values.
     units
         Units of the quantities; "" without one.
     assumptions
-        What the values rest on, by name.
+        Assumptions on which the values rest, by name.
     warnings
         Reasons to distrust a value.
     truth
-        For a simulated curve, by quantity: the value that the run knows, and the ratio of the
+        For a simulated curve, by quantity: the exact value from the run, and the ratio of the
         formula's value to it.
     formula_error
-        For a simulated curve, by how much the formulas are wrong for this material; otherwise "".
+        For a simulated curve, a text on the errors of the formulas for this material; otherwise "".
     """
 
     curve: str
@@ -150,7 +153,7 @@ class Hardness:
     formula_error: str = ""
 
     def as_json(self) -> dict[str, Any]:
-        """Return all parts under their names."""
+        """Return all attributes by their names."""
         return dict(vars(self))
 
 
@@ -169,7 +172,7 @@ class _TestCurve:
     scene
         The scene of the results, or that of the user.
     notes
-        Sentences about assumptions of the reader.
+        Sentences about assumptions that were made when the file was read.
     """
 
     name: str
@@ -187,7 +190,7 @@ class _TestCurve:
         return _has_units(self.units)
 
     def unit_of_scene(self, kind: str) -> float:
-        """Return the scene's unit of a kind over that of the curve; 1 if one is unknown."""
+        """Return the ratio of the scene's unit to the curve's; 1 if one of them is unknown."""
         scene_unit = vars(self.scene.units).get(kind) if self.scene else ""
         if not scene_unit or not self.units[kind]:
             return 1.0
@@ -251,7 +254,7 @@ def analyse(path: Path, options: HardnessOptions) -> Hardness:
     Parameters
     ----------
     path
-        File of a measured curve, or folder or force table of a simulated one.
+        File of a measured curve, or result folder or force table of a simulated curve.
     options
         Settings of the analysis.
 
@@ -277,6 +280,12 @@ def analyse(path: Path, options: HardnessOptions) -> Hardness:
     contact = _Contact(area, epsilon, options.beta, nu, tip_E_star, pressure)
     works, work_warnings = _works(cycle, fit)
     values, errors = _values_with_errors(cycle, fit, contact, works)
+    creep = None
+    if curve.t is not None:
+        creep = creep_rate(cycle, curve.t, cycle.upper_part(top[1], top[0]))
+    if creep is not None:
+        values["dh_dt"] = creep.value
+        errors["dh_dt"] = creep.error
     warnings = [
         *curve.notes,
         *cycle.notes,
@@ -285,6 +294,7 @@ def analyse(path: Path, options: HardnessOptions) -> Hardness:
         *work_warnings,
         *_contact_warnings(cycle),
         *_fit_warnings(cycle, fit),
+        *_creep_warnings(creep, fit),
         *_pile_up_warnings(fit),
         *_tip_rounding_warnings(curve, area, values["h_c"] or nan),
     ]
@@ -323,7 +333,7 @@ def _check_factors(options: HardnessOptions) -> None:
 
 
 def _read(path: Path, options: HardnessOptions) -> _TestCurve:
-    """Read a measured curve or a simulated one."""
+    """Read a measured or a simulated curve."""
     if path.is_dir() or "step" in header_of(path):
         return _simulated_curve(path, options)
     curves = read_curves(path, options.columns or None, options.units)
@@ -357,7 +367,7 @@ def _check_range(h: np.ndarray, F: np.ndarray) -> None:
 
 
 def _depth_of(curve: MeasuredCurve, path: Path) -> np.ndarray:
-    """Return the depths of a measured curve; raise UsageError for that of a cantilever."""
+    """Return the depths of a measured curve; raise UsageError for a curve of a cantilever."""
     if curve.delta is None and curve.stiffness is not None:
         raise UsageError(
             f"{path} has the displacement of a cantilever's base, but no depth",
@@ -375,7 +385,9 @@ def _simulated_curve(path: Path, options: HardnessOptions) -> _TestCurve:
     with incomplete rows, and if the options give columns or units.
     """
     if options.columns or options.units:
-        raise UsageError("--columns and --units are for text files, and a result has both")
+        raise UsageError(
+            "--columns and --units are for text files only, since a result states both"
+        )
     results = read(path)
     folder = path if path.is_dir() else path.parent
     scene = scene_of(folder) or options.scene
@@ -391,19 +403,21 @@ def _simulated_curve(path: Path, options: HardnessOptions) -> _TestCurve:
     known = {kind: str(units.get(kind) or "") for kind in ("length", "force")}
     F = results["force"]
     h = results["delta"]
+    t = results.table.get("t")
     if not (len(h) and (np.isfinite(h) & np.isfinite(F)).all()):
         raise UsageError(f"{path} has no rows, or rows without depth or force", "", str(path))
     if h[0] > 0:  # Loading begins at first contact.
         h = np.concatenate([[0.0], h])
         F = np.concatenate([[0.0], F])
+        t = None if t is None else np.concatenate([[0.0], t])
     name = folder.name if path.is_dir() else path.stem
-    return _TestCurve(name, h, F, None, known, results, scene)
+    return _TestCurve(name, h, F, t, known, results, scene)
 
 
 def _corrected_depth(
     curve: _TestCurve, options: HardnessOptions
 ) -> tuple[np.ndarray, dict[str, str]]:
-    """Return the depths less the deflection of the frame and the thermal drift, with words."""
+    """Return the depths without frame deflection and thermal drift, and texts on both."""
     h = curve.h
     words = {}
     compliance = _frame_compliance(curve, options)
@@ -435,7 +449,7 @@ def _corrected_depth(
 
 
 def _frame_compliance(curve: _TestCurve, options: HardnessOptions) -> float:
-    """Return the compliance of the frame by the option or the scene [length/force]."""
+    """Return the compliance of the frame from the option or the scene [length/force]."""
     if options.frame_compliance is not None:
         compliance = _number(
             "--frame-compliance", options.frame_compliance, "length/force", curve.units
@@ -452,7 +466,7 @@ def _frame_compliance(curve: _TestCurve, options: HardnessOptions) -> float:
 
 
 def _number(key: str, text: str, dimension: str, units: Mapping[str, str]) -> float:
-    """Return an option as a number in the units of the curve."""
+    """Return the value of an option as a number in the units of the curve."""
     value = convert_quantity(key, text, dimension, units if _has_units(units) else {})
     if not isfinite(value):
         raise ConfigError(key, f"'{text}' is not a finite number")
@@ -462,16 +476,17 @@ def _number(key: str, text: str, dimension: str, units: Mapping[str, str]) -> fl
 def _fitted_part(
     curve: _TestCurve, cycle: IndentationCycle, top: tuple[float, float]
 ) -> tuple[float, float]:
-    """Return the fitted part of unloading: that of the options, or more of a run with few rows.
+    """Return the fractions of the largest force between which unloading is fitted.
 
-    The rows of a run have no noise and no transition from a hold to unloading.
+    They are those of the options, or a wider range for a run with few rows, because the rows of a
+    run have no noise and no transition from a hold to unloading.
     """
     has_few_rows = len(cycle.h[cycle.upper_part(top[1], top[0])]) < oliver_pharr.MIN_SAMPLES
     return RUN_TOP if curve.results and top == DEFAULT_TOP and has_few_rows else top
 
 
 def _fit(cycle: IndentationCycle, top: tuple[float, float]) -> UnloadingFit:
-    """Fit the power law to the upper part of unloading; raise UsageError if it is no unloading."""
+    """Fit the power law to the upper part of unloading; raise UsageError if this is impossible."""
     high, low = top
     rows = cycle.upper_part(low, high)
     h = cycle.h[rows]
@@ -510,12 +525,12 @@ def _fit(cycle: IndentationCycle, top: tuple[float, float]) -> UnloadingFit:
 
 
 def _exponent_error(fit: UnloadingFit) -> float:
-    """Return the half-width of the interval of the exponent."""
+    """Return the half-width of the 95 % interval of the exponent."""
     return fit.coverage_factor * float(fit.covariance[2, 2]) ** 0.5
 
 
 def _epsilon(text: str, m: float) -> tuple[float, str]:
-    """Return the factor epsilon, and its description."""
+    """Return the factor epsilon of the Oliver-Pharr method, and its description."""
     if text == "m":
         epsilon = oliver_pharr.epsilon_of_exponent(max(m, 1.0))
         return epsilon, f"{epsilon:.4g}, of the exponent m"
@@ -528,7 +543,7 @@ def _epsilon(text: str, m: float) -> tuple[float, str]:
 
 
 def _area_function(curve: _TestCurve, options: HardnessOptions) -> AreaFunction:
-    """Return the area function by the option, the scene's tip, or an ideal Berkovich tip."""
+    """Return the area function of the option, of the scene's tip, or of an ideal Berkovich tip."""
     if options.area is not None:
         return area_from_text(options.area, curve.units)
     if curve.scene is None:
@@ -540,7 +555,7 @@ def _area_function(curve: _TestCurve, options: HardnessOptions) -> AreaFunction:
 
 
 def _poisson_ratio(curve: _TestCurve, options: HardnessOptions) -> tuple[float, str]:
-    """Return Poisson's ratio of the sample by the option, the scene or an assumption."""
+    """Return Poisson's ratio of the sample from the option, the scene or an assumption."""
     if options.nu is not None:
         try:
             check_nu(options.nu)
@@ -550,7 +565,7 @@ def _poisson_ratio(curve: _TestCurve, options: HardnessOptions) -> tuple[float, 
     if material := _material_below_tip(curve.scene):
         nu = float(material.constants.nu)
         return nu, f"{nu:g}, of the scene"
-    change = "E_IT is 5.5 % larger for 0.2 and 7.7 % smaller for 0.4"
+    change = "E_IT would be 5.5 % larger with nu = 0.2 and 7.7 % smaller with nu = 0.4"
     return ASSUMED_NU, f"{ASSUMED_NU:g} is assumed; give --nu or --scene ({change})"
 
 
@@ -565,7 +580,7 @@ def _material_below_tip(scene: Config | None) -> Any:
 def _tip_modulus(
     curve: _TestCurve, options: HardnessOptions, pressure: _PressureUnit
 ) -> tuple[float | None, str]:
-    """Return E_i* of the tip in units of the curve, and words; None if it is unknown."""
+    """Return E_i* of the tip in units of the curve, and its description; None if unknown."""
     lens = curve.scene.indenter.elastic_part if curve.scene else None
     if options.tip is None and lens is not None:
         unit = curve.unit_of_scene("force") / curve.unit_of_scene("length") ** 2
@@ -577,7 +592,7 @@ def _tip_modulus(
 def _modulus_of_tip(
     tip: str, units: Mapping[str, str], pressure: _PressureUnit
 ) -> tuple[float | None, str]:
-    """Return E_i* of a tip by its name or constants, and words; None without units."""
+    """Return E_i* of a tip by its name or constants, and a description; None without units."""
     if tip == "rigid":
         return inf, "rigid"
     if tip == "diamond":
@@ -614,7 +629,7 @@ def _elastic_constants(
 
 
 def reference_modulus(sample: str, tip: str, units: Mapping[str, str]) -> tuple[float, str, str]:
-    """Return the reduced modulus of a sample of known modulus and a tip, and words for both.
+    """Return the reduced modulus of a sample of known modulus and a tip, with descriptions.
 
     Parameters
     ----------
@@ -623,7 +638,7 @@ def reference_modulus(sample: str, tip: str, units: Mapping[str, str]) -> tuple[
     tip
         "diamond", "rigid" or "E,NU".
     units
-        Units of length and force of the curve, in which the modulus is.
+        Units of length and force of the curve, from which the unit of the modulus follows.
     """
     pressure = _pressure_unit(units)
     E, nu = _elastic_constants("--sample", sample, units)
@@ -692,7 +707,7 @@ def _values_with_errors(
 
 
 def _standard_deviations(cycle: IndentationCycle, fit: UnloadingFit) -> tuple[float, float, float]:
-    """Return the standard deviations of S, F_max and h_max."""
+    """Return the standard deviations of contact stiffness, largest force and largest depth."""
     # The largest of several forces with scatter is above their mean; a hold has no such bias.
     selection = 1.0 if cycle.hold_start is not None else 2.0
     # The scatter from row to row does not contain the part that is correlated over several rows,
@@ -725,7 +740,7 @@ def _propagate(
 
 
 def _works(cycle: IndentationCycle, fit: UnloadingFit) -> tuple[dict[str, Work | None], list[str]]:
-    """Return W_total, W_elast and eta_IT with their errors, and warnings about what is unknown."""
+    """Return W_total, W_elast and eta_IT with their errors, and warnings about unknown works."""
     total = cycle.total_work
     elastic: Work | None = cycle.unloading_work
     warnings = []
@@ -742,8 +757,8 @@ def _works(cycle: IndentationCycle, fit: UnloadingFit) -> tuple[dict[str, Work |
         # The error of the work below is unknown; half of this work is taken as its bound.
         elastic = Work(cycle.unloading_work.value + below, cycle.unloading_work.error + 0.5 * below)
         warnings.append(
-            f"unloading ends at {last:.1%} of the largest force; the work below is that of the "
-            "power law"
+            f"unloading ends at {last:.1%} of the largest force; the work below this force is "
+            "computed from the power law"
         )
     if total is None:
         warnings.append("W_total and eta_IT are not known: the curve does not begin at zero force")
@@ -780,17 +795,35 @@ def _contact_warnings(cycle: IndentationCycle) -> list[str]:
 
 
 def _fit_warnings(cycle: IndentationCycle, fit: UnloadingFit) -> list[str]:
-    """Return a warning if the power law misses the samples by more than their noise."""
+    """Return a warning if the power law deviates from the samples by more than their noise."""
     noise = float(np.hypot(cycle.F_noise, fit.stiffness * cycle.h_noise))
     # Largest misfit of a power law to samples of an elastic contact, relative to the largest
     # force.
     largest_misfit = 0.01
     if fit.residual > largest_misfit * cycle.F_max and fit.residual > 2 * noise:
         return [
-            f"the power law misses the samples of unloading by {fit.residual / cycle.F_max:.1%} of "
-            "the largest force: S and all that follows from it are doubtful"
+            "the power law differs from the samples of unloading by "
+            f"{fit.residual / cycle.F_max:.1%} of the largest force: S and all that follows from "
+            "it are doubtful"
         ]
     return []
+
+
+def _creep_warnings(creep: CreepRate | None, fit: UnloadingFit) -> list[str]:
+    """Return a warning if creep at the end of the hold makes the measured stiffness too large.
+
+    If the creep continues in unloading, 1/S = 1/S_elastic - (dh/dt)/|dF/dt|: Feng & Ngan (2002),
+    J. Mater. Res. 17, 660.
+    """
+    change = 0.0 if creep is None else creep.relative_stiffness * fit.stiffness
+    # A smaller change is below the accuracy of the method.
+    negligible_change = 0.01
+    if change <= negligible_change:
+        return []
+    return [
+        "the depth still grows at the end of the hold; if it goes on in unloading, S is "
+        f"{100 * change:.1f} % too large (Feng & Ngan 2002): hold longer or unload faster"
+    ]
 
 
 def _pile_up_warnings(fit: UnloadingFit) -> list[str]:
@@ -808,7 +841,7 @@ def _pile_up_warnings(fit: UnloadingFit) -> list[str]:
 
 
 def _tip_rounding_warnings(curve: _TestCurve, area: AreaFunction, h_c: float) -> list[str]:
-    """Return a warning if the rounded apex of a usual pyramid would change the area."""
+    """Return a warning if the apex of a worn pyramid (150 nm) increases the area by 1 % or more."""
     if not curve.has_units or curve.results is not None or area.tip not in (Berkovich(), Vickers()):
         return []
     # Apex radius [m] of a pyramid that has been used for a while.
@@ -863,7 +896,7 @@ def _truth(
 
 
 def _formula_error(truth: Mapping[str, Mapping[str, float]]) -> str:
-    """Return the errors of the formulas for area, hardness and modulus as a sentence, or ""."""
+    """Return a sentence on the errors of the formulas for area, hardness and modulus, or ""."""
     quantities = {"A_p": "the contact area", "H_IT": "the hardness", "E_IT": "the modulus"}
     errors = [
         f"{words} {abs(percent):.1f} % too {'large' if percent > 0 else 'small'}"
@@ -874,7 +907,7 @@ def _formula_error(truth: Mapping[str, Mapping[str, float]]) -> str:
 
 
 def _entry(table: Mapping[str, np.ndarray], row: int, *columns: str) -> float:
-    """Return the entry of a row in the first of these columns that the table has; NaN if none."""
+    """Return the entry of a row in the first given column that exists in the table, or NaN."""
     return next((float(table[name][row]) for name in columns if name in table), nan)
 
 
@@ -886,7 +919,7 @@ def _has_units(units: Mapping[str, str]) -> bool:
 def _pressure_unit(units: Mapping[str, str]) -> _PressureUnit:
     """Return the unit for pressures.
 
-    It is the unit of force over length^2 if that is Pa, kPa, MPa or GPa, otherwise GPa.
+    The unit is that of force/length^2 if this is Pa, kPa, MPa or GPa, and otherwise GPa.
     """
     if not _has_units(units):
         return _PressureUnit("", 1.0)
@@ -902,7 +935,7 @@ def _ratio_text(numerator: str, denominator: str) -> str:
 
 
 def _unit_names(units: Mapping[str, str], pressure: str) -> dict[str, str]:
-    """Return the unit of every quantity; "" without one."""
+    """Return the unit of every quantity; "" for dimensionless quantities."""
     length = units["length"]
     force = units["force"]
     names = {
@@ -911,6 +944,7 @@ def _unit_names(units: Mapping[str, str], pressure: str) -> dict[str, str]:
         "force": force,
         "area": f"{length}^2" if length else "",
         "stiffness": _ratio_text(force, length),
+        "rate": _ratio_text(length, "s") if length else "",
         "work": f"{force} {length}".strip(),
         "%": "%",
         "": "",

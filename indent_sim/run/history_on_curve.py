@@ -123,7 +123,7 @@ class HistoryResult:
 
 
 def _scale_numbers(numbers: Mapping[str, Any], units: Mapping[str, float]) -> dict[str, Any]:
-    """Return numbers, also in nested dictionaries, multiplied by the unit of their name."""
+    """Return numbers, also in nested dictionaries, multiplied by the units of their names."""
     scaled: dict[str, Any] = {}
     for name, value in numbers.items():
         if isinstance(value, dict):
@@ -526,7 +526,7 @@ class _HistoryEvaluation:
     def _attraction_range_report(self, work: float) -> dict[str, float]:
         """Return the Tabor and Maugis parameters, and the Maugis pull-off force on a half-space.
 
-        Empty if the adhesion has no range.
+        The result is empty if the adhesion has no range.
         """
         attraction = self.experiment.adhesion
         physics = self.scene.physics
@@ -543,9 +543,10 @@ class _HistoryEvaluation:
         }
 
     def _calibration_uncertainty(self, calibration: Calibration) -> tuple[float, float]:
-        """Return the relative uncertainties of a force (k times deflection) and of a modulus.
+        """Return the relative uncertainties of a force and of a modulus due to calibration.
 
-        The fitted modulus is F/F_1(R), with the force F_1 for unit modulus.
+        A force is the spring constant times the deflection. The fitted modulus is F/F_1(R), with
+        the force F_1 for unit modulus and the tip radius R.
         """
         radius_exponent = 0.0
         if calibration.R:
@@ -560,7 +561,7 @@ class _HistoryEvaluation:
         return calibration.stiffness, hypot(calibration.stiffness, radius_exponent * calibration.R)
 
     def _force_with_radius(self, radius_ratio: float) -> float:
-        """Return the elastic force at the largest depth for a tip with its radius scaled."""
+        """Return the elastic force at the largest depth for a tip with another radius."""
         theory = self.scene.plan.theory
         tip = self.scene.physics.indenter.scaled(radius_ratio)
         contact = theory.contact if theory else None
@@ -575,8 +576,9 @@ class _HistoryEvaluation:
         return float(equilibrium.force)
 
     def _dynamic_stiffness(self, rows: list[HistoryRow]) -> list[DynamicStiffness]:
-        """Return the dynamic stiffness K(a) * (G' + i G'') at the end of the history.
+        """Return the dynamic stiffness of the contact at the end of the history.
 
+        It is the stiffness of the contact times the complex modulus G' + i G'' at each frequency.
         If the contact has been lost by then, the contact at the largest depth is used.
         """
         frequencies = self.experiment.frequencies or ()
@@ -607,5 +609,5 @@ def _elastic_curve(samples: list[tuple[float, float, float]]) -> ElasticCurve:
 
 
 def _contact_entry(contact: AdhesiveContact) -> dict[str, float]:
-    """Return the entry of a contact for run.json."""
+    """Return the entry of run.json that describes the contact."""
     return {"delta": contact.delta, "force": contact.force}

@@ -1,8 +1,8 @@
 """Measured constants of runs: numbers from runs and comparisons, with their source.
 
-Each entry names the unit, what was measured on which scenes, and the test or script that measures
-it again ("Repeated by") or checks what follows from it ("Checked"). Tolerances and limits that are
-a choice stand where they are used.
+Each entry gives the unit, the measured quantity and the scenes, and the test or script that repeats
+the measurement ("Repeated by") or checks a consequence of it ("Checked"). Tolerances and limits
+that were chosen are defined where they are used.
 """
 
 from __future__ import annotations

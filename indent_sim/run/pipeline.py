@@ -136,7 +136,7 @@ def simulate(
     directory
         Result folder; by default that of the config.
     progress
-        Called after every row with its state, its number and the number of rows.
+        Function that is called after every row with its state, its number and the number of rows.
     resume
         Keep the rows of an earlier run of the same config and compute only the missing rows.
     error_bars
@@ -177,12 +177,12 @@ def simulate_in_memory(config: Config, scene: Scene, name: str = "run") -> Resul
     scene
         The scene that `resolve` makes of the config.
     name
-        Path of the results, which exists only as a name.
+        Path by which the results are named; nothing is written there.
 
     Raises
     ------
     UsageError, BackendError
-        The environment is at fault, not this scene.
+        The cause of the failure is the environment and not this scene.
     """
     folders: list[MemoryFolder] = []
 
@@ -246,7 +246,7 @@ class SimulationDriver:
             self._imported_mesh = read_imported_mesh(config, comm)
 
     def run(self) -> Outcome:
-        """Run all refinement levels and return the outcome of the last one.
+        """Run all refinement levels and return the outcome of the last level.
 
         Raises
         ------
@@ -263,7 +263,7 @@ class SimulationDriver:
         return outcome
 
     def _resolve_scene(self, elements: float | None) -> Scene:
-        """Return the scene with a given or the default number of elements in the contact radius."""
+        """Return the scene with `elements` in the contact radius; None for the default number."""
         # A given scene is not reused with an imported mesh: its file may have changed since.
         if elements is None and self._scene is not None and self._imported_mesh is None:
             return self._scene
@@ -359,7 +359,7 @@ class SimulationDriver:
         )
 
     def _try_remedies(self, scene: Scene, failed: State, iterations: int) -> str:
-        """Try remedies for a path that ended early; return a text on how far it goes with each.
+        """Try remedies for a path that ended early; return a text with the results.
 
         The text is empty if there is no remedy, or if several processes solve the scene.
         """
@@ -374,7 +374,7 @@ class SimulationDriver:
     def _finished_outcome(
         self, config_yaml: str, scene: Scene, output: OutputSettings, initial_report: dict[str, Any]
     ) -> Outcome | None:
-        """Return the outcome of an earlier run if it is complete, else None.
+        """Return the outcome of an earlier run if that run is complete; None otherwise.
 
         Missing or damaged files of the earlier run are reported among its warnings.
         """
@@ -502,7 +502,8 @@ class SimulationDriver:
     def _elastic_states(self, scene: Scene) -> list[State]:
         """Solve the elastic part of an auxiliary scene, without surface tables.
 
-        Return the states up to the first failure, none if the run fails at the beginning.
+        The states up to the first failure are returned; the list is empty if the run fails at the
+        beginning.
         """
         elastic_scene = replace(scene, history_on_curve=None)
         total = len(elastic_scene.physics.deltas)
@@ -604,7 +605,7 @@ class CondensedBody:
         Parameters
         ----------
         indenter
-            The tip [user's units]; by default that of the scene.
+            The tip [user's units]; by default the tip of the scene.
         deltas
             Depths [length]; by default the path of the scene.
         forces
@@ -649,8 +650,8 @@ class CondensedBody:
 def condense(scene: Scene, comm: Comm = None) -> CondensedBody:
     """Factorize the stiffness matrix of a linear body and condense it to the contact surface.
 
-    The function is collective over `comm`, by default this process alone. It raises ConfigError if
-    the solver method of the scene is not "condensed".
+    The function is collective over `comm`, which by default is this process alone. It raises
+    ConfigError if the solver method of the scene is not "condensed".
     """
     if scene.solver.method != "condensed":
         raise ConfigError(

@@ -91,7 +91,7 @@ class PlannedRun:
 
     @property
     def stiffness(self) -> float | None:
-        """Stiffness epsilon_n or gamma of the contact law divided by E*/h_contact, or None."""
+        """Stiffness epsilon_n or gamma of the contact law, divided by E*/h_contact; may be None."""
         law = self.scene.physics.contact
         return law.stiffness / self._stiffness_unit if hasattr(law, "stiffness") else None
 
@@ -102,7 +102,7 @@ class PlannedRun:
 
 
 def plan_with_cost(config: Config, error_bars: bool = False) -> PlannedRun:
-    """Plan a run with its auxiliary runs; raise ConfigError with all errors of the config."""
+    """Plan a run with its auxiliary runs; if the config has errors, raise them all together."""
     try:
         return PlannedRun.resolve(config).add_estimation_cost(error_bars)
     except ConfigError as error:

@@ -64,14 +64,14 @@ class PreviousRows:
         return abs((state.x or 0.0) - last_x)
 
     def largest_shallower_force(self, delta: float) -> RowForce | None:
-        """Return the row at a smaller depth whose error bar has the largest lower end, or None."""
+        """Return the shallower row whose error bar has the largest lower end; may be None."""
         if delta > self.max_depth:
             return self._largest_force_row
         depth, force, bar = self._columns[:, : self._count]
         return self._row_at_maximum(force - bar, depth < delta)
 
     def smallest_deeper_force(self, delta: float) -> RowForce | None:
-        """Return the row at a larger depth whose error bar has the smallest upper end, or None."""
+        """Return the deeper row whose error bar has the smallest upper end; may be None."""
         if delta >= self.max_depth:
             return None
         depth, force, bar = self._columns[:, : self._count]
@@ -96,7 +96,7 @@ class PreviousRows:
         return work.value, safety * work.error
 
     def _row_at_maximum(self, value: np.ndarray, where: np.ndarray) -> RowForce | None:
-        """Return the row with the largest value among the selected rows, or None."""
+        """Return the row with the largest value among the selected rows; None without rows."""
         if not where.any():
             return None
         depth, force, bar = self._columns[:, int(np.argmax(np.where(where, value, -inf)))]

@@ -1,9 +1,9 @@
 """Remedies for a load path that ended early, and how far the path goes with each.
 
 At finite strain Newton's method may fail near the edge of a tip because too few elements lie around
-the edge, or because they are too distorted. A larger edge radius or other element sizes may help,
-but it is not known in advance which. All trials together do at most as much work as the run itself:
-Newton iterations times unknowns.
+the edge, or because these elements are too distorted. A larger edge radius or other element sizes
+may help; which of them helps is not known in advance. All trials together do at most as much work
+as the run itself: Newton iterations times unknowns.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ SolveStates = Callable[[Scene], Iterator[State]]
 
 @dataclass(frozen=True)
 class Remedy:
-    """Keys of the scene with their changed values [user's units], and the config with these."""
+    """Keys of the scene with their changed values [user's units], and the changed config."""
 
     values: dict[str, float]
     config: Config
@@ -77,7 +77,7 @@ def remedies(config: Config, scene: Scene) -> list[Remedy]:
 
 
 def _edge_radii(config: Config, scene: Scene) -> list[float]:
-    """Return larger edge radii: about twice the given one, and that of a hemispherical end."""
+    """Return larger edge radii: about twice the given radius, and that of a hemispherical end."""
     tip = config.indenter
     if (
         not isinstance(tip, FlatPunch)
@@ -123,14 +123,14 @@ def try_remedies(
     failed
         The row that did not converge.
     iterations_left
-        Newton iterations on the mesh of the run that all trials together may take the work of; no
-        trial begins beyond this number.
+        Limit of the work of all trials together, as a number of Newton iterations on the mesh of
+        the run; no trial begins after it is reached.
     dofs
         Predicted number of unknowns of the run.
     resolve
-        Returns the scene of a config.
+        Function that returns the scene of a config.
     solve_states
-        Solves a scene and yields its states.
+        Function that solves a scene and yields its states.
     """
     reports: list[str] = []
     for remedy in remedies_found:

@@ -66,7 +66,7 @@ def underresolved_rows(scene: Scene, states: Sequence[State]) -> list[str]:
     span = " to ".join(dict.fromkeys(error_text(errors[k]) for k in (0, -1)))
     force_text = f"the force there may be wrong by {span}, pressures by more"
     remedy = refinement_advice(
-        sizes, "give mesh.h_contact and a smaller mesh.h_axis, or ask for an accuracy"
+        sizes, "give mesh.h_contact and a smaller mesh.h_axis, or set accuracy"
     )
     return [
         f"{rows} at most {max_elements:.2g} elements in the contact radius: {force_text}; {remedy}"
@@ -77,8 +77,8 @@ def lost_contact_warnings(scene: Scene, states: Sequence[State]) -> list[str]:
     """Return warnings about rows in which the surface of a shrinking gel has left the tip.
 
     The force of these rows is zero although the tip is below the undeformed surface, or was in
-    contact before. Rows while the tip retracts are left out, and prescribed forces keep the
-    contact.
+    contact before. Rows in which the tip retracts are left out. Under prescribed forces the contact
+    is never lost.
 
     Parameters
     ----------
@@ -169,8 +169,8 @@ def long_step_warnings(scene: Scene, states: Sequence[State]) -> list[str]:
     In an increment in which the contact radius grows from a_0 to a, all new contact slips at once.
     The relative error of the stick radius is then about (a - a_0)/a, and the relative error of the
     dissipation is about half of (a - a_0)/(a - stick radius); the error of the force is small. Rows
-    with less than half of the largest contact radius are left out, since the first row is a single
-    increment from no contact in every run.
+    with less than half of the largest contact radius are left out, because in every run the contact
+    of the first row grows from zero in a single increment.
 
     Parameters
     ----------

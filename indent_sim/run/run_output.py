@@ -41,8 +41,8 @@ class OptionalOutput:
     comm
         MPI communicator; by default this process alone.
     report_missing
-        Called with the name and the failure of each missing output, once per name; by default the
-        log.
+        Function that is called with the name and the failure of each missing output, once per name;
+        by default both are logged.
     """
 
     def __init__(
@@ -66,7 +66,7 @@ class OptionalOutput:
         name
             Name of the output in the warning.
         find
-            Evaluates the output.
+            Function that evaluates the output.
         fallback
             The value that is returned if the output is missing.
         """
@@ -176,7 +176,7 @@ class RunOutput:
             self._folder.finish(error)
 
     def add_warnings(self, *warnings: str) -> None:
-        """Add warnings to those of run.json."""
+        """Add warnings to the entry `warnings` of run.json."""
         if self._folder is not None:
             self.add_entries(warnings=[*self._folder.report.get("warnings", []), *warnings])
 

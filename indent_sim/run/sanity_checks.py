@@ -12,10 +12,11 @@ the tip snaps in or off. With flow or relaxation depth and force depend on time,
 compare rows are left out. With friction a part of the work of loading is dissipated, so that forces
 are compared only during loading.
 
-A body that yields stores only a part of the work and keeps an imprint, in which the tip may hang
-free at a smaller depth. In place of the bounds on the energy, and of those by elastic theory, the
-balance of work, stored and dissipated energy is then checked during loading, the dissipated energy
-does not fall, the force falls only if the depth does, and it is at most that of an elastic body.
+A body that yields stores only a part of the work and keeps an imprint, in which the tip may have no
+contact at a smaller depth. In place of the bounds on the energy, and of those by elastic theory,
+the balance of work, stored and dissipated energy is then checked during loading, the dissipated
+energy does not fall, the force falls only if the depth does, and it is at most that of an elastic
+body.
 
 Each rule is a function of the scene, a converged state and the previous rows (in the user's units).
 It returns a sentence, or None if the state satisfies it. The bounds are wide enough for coarse
@@ -50,7 +51,7 @@ Rules = tuple[Rule, ...]
 
 
 def violated_bound(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
-    """Return a sentence on the bound that a converged state violates, or None.
+    """Return a sentence on the bound that a converged state violates; None if it violates none.
 
     Parameters
     ----------
@@ -90,7 +91,7 @@ def _applicable_rules(
     Parameters
     ----------
     is_pressed
-        True if the scene has a mesh and the depth exceeds that of first contact.
+        True if the scene has a mesh and the depth exceeds the depth of first contact.
     is_time_dependent
         True if the force depends on time.
     may_snap_through
@@ -123,21 +124,24 @@ def _check_finite(scene: Scene, state: State, earlier: PreviousRows) -> str | No
 
 
 def _check_no_tension(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
-    """Check that F >= 0."""
+    """Check that the force is not tensile."""
     if state.force >= 0 or state.force >= -_force_noise(scene, state, earlier):
         return None
     return f"the force is {state.force:.6g}, tensile without adhesion"
 
 
 def _check_no_force_above(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
-    """Check that F is not compressive for delta < 0."""
+    """Check that the force is not compressive at negative depths."""
     if state.delta >= 0 or state.force <= _force_noise(scene, state, earlier):
         return None
     return f"the force is {state.force:.6g}, but the tip is above the body"
 
 
 def _check_contact_found(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
-    """Check that a > 0 and, without snap-through, F > 0 where tip and undeformed body overlap."""
+    """Check that there is contact where tip and undeformed body overlap.
+
+    Without snap-through the force must also be compressive there.
+    """
     is_touching = (state.force > 0 or scene.physics.contact.may_snap_through) and state.a > 0
     if is_touching or _may_be_in_imprint(scene, state, earlier):
         return None
@@ -148,8 +152,15 @@ def _check_contact_found(scene: Scene, state: State, earlier: PreviousRows) -> s
 
 
 def _check_contact_radius(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
-    """Check that the contact exceeds the end of the tip by at most two elements."""
-    end = scene.physics.indenter.radius_at(scene.physics.body.height)
+    """Check that the contact exceeds the end of the tip by at most two elements.
+
+    No contact lies higher above the apex than the body's height, unless the body is a gel, which
+    swells around the tip.
+    """
+    tip = scene.physics.indenter
+    end = tip.radius_at(scene.physics.body.height)
+    if scene.physics.is_swelling:
+        end = max_radius(tip)
     L = scene.physics.scales.length
     if state.a <= (end + 2 * scene.sizes.h_contact) * L:
         return None
@@ -172,7 +183,10 @@ def _check_resultant(scene: Scene, state: State, earlier: PreviousRows) -> str |
 
 
 def _check_side_contact(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
-    """Check that the tip does not touch the upper edge of a fixed side, where F is unbounded."""
+    """Check that the tip does not touch the upper edge of a fixed side.
+
+    The exact force of such a contact is infinite.
+    """
     end = scene.physics.side_contact_depth * scene.physics.scales.depth
     if state.delta <= end * (1 + DEPTH_TOLERANCE):
         return None
@@ -186,7 +200,7 @@ def _check_new_solution(scene: Scene, state: State, earlier: PreviousRows) -> st
     """Check that a new depth has a new solution.
 
     A solution without iterations is accepted only if the extrapolated state was correct and the
-    force differs from the previous one.
+    force differs from that of the previous row.
     """
     previous = earlier.last
     is_new = previous is None or abs(state.delta - previous.delta) > DEPTH_TOLERANCE * abs(
@@ -239,7 +253,8 @@ def _check_outside_penetration(scene: Scene, state: State, earlier: PreviousRows
 def _check_energy(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
     """Check that 0 <= Pi <= F delta, which holds if the force grows with the depth.
 
-    A tip that slides also does work, at most the largest side force times the path of the slide.
+    A sliding tip also does work by its side force, at most the largest side force times the length
+    of the slide.
     """
     side_force = max(
         earlier.largest_side_force, abs(state.side_force_x or 0.0), abs(state.side_force_y or 0.0)
@@ -261,7 +276,7 @@ def _check_energy(scene: Scene, state: State, earlier: PreviousRows) -> str | No
 
 
 def _check_force_growth(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
-    """Check that the force does not fall with the depth, within the error bars."""
+    """Check that the force does not decrease with increasing depth, within the error bars."""
     last = earlier.last
     if earlier.slide_distance + earlier.slide_increment(state) > 0:
         return None  # the force at one depth may change as the tip slides
@@ -300,7 +315,7 @@ def _check_force_growth(scene: Scene, state: State, earlier: PreviousRows) -> st
 def _check_side_force(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
     """Check that the side force is at most friction F plus the force on the slope of the tip.
 
-    The bound is that of a reference gap, whose pressure is vertical on the body.
+    The bound is for a reference gap, with which the pressure on the body is vertical.
     """
     physics = scene.physics
     law = physics.contact
@@ -325,7 +340,10 @@ def _check_side_force(scene: Scene, state: State, earlier: PreviousRows) -> str 
 
 
 def _check_against_theory(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
-    """Check that F/F_theory is in its admissible range, for exact theory that of the error bar."""
+    """Check that F/F_theory is in its admissible range.
+
+    If the theory is exact for the body, F must also agree with it within the error bar.
+    """
     theory = scene.plan.theory
     scales = scene.physics.scales
     solution = scene.theory_solution(state.delta / scales.depth)
@@ -377,19 +395,23 @@ def _check_plastic_work(scene: Scene, state: State, earlier: PreviousRows) -> st
 def _check_soft_tip(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
     """Check the parts of depth and energy of a soft tip on the mesh of the body.
 
-    Both bodies are elastic and share depth and energy, and during loading the energy is the work.
-    The work is the integral of the force over the rows by trapezoids, whose error is estimated.
+    The displacement of the tip must be a part of the depth, and its energy a part of the energy of
+    both bodies. During loading the energy of both bodies must equal the work, which is the integral
+    of the force over the rows by trapezoids, whose error is estimated.
     """
     if state.tip_sink is None or state.tip_energy is None or not scene.has_two_body_mesh:
         return None
     # Tolerance relative to F delta, as in `_check_energy`.
     tolerance = 0.02
     if not -tolerance * state.delta <= state.tip_sink <= (1 + tolerance) * state.delta:
-        return f"the soft tip is pressed in by {state.tip_sink:.6g}, which is no part of the depth"
+        return (
+            f"the soft tip is pressed in by {state.tip_sink:.6g}, which is not between 0 and "
+            "the depth"
+        )
     if not -tolerance * state.energy <= state.tip_energy <= (1 + tolerance) * state.energy:
         return (
-            f"the energy {state.tip_energy:.6g} of the soft tip is no part of that of both bodies, "
-            f"{state.energy:.6g}"
+            f"the energy {state.tip_energy:.6g} of the soft tip is not between 0 and that of "
+            f"both bodies, {state.energy:.6g}"
         )
     if state.delta <= max(earlier.max_depth, 0.0) or earlier.has_turned:
         return None
@@ -414,7 +436,7 @@ def _check_dissipation_growth(scene: Scene, state: State, earlier: PreviousRows)
 
 
 def _check_force_follows_depth(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
-    """Check that the force of a body that yields falls only if the depth does, and vice versa."""
+    """Check that force and depth of a body that yields increase and decrease together."""
     last = earlier.last
     if not scene.physics.yields or last is None or earlier.slide_increment(state) > 0:
         return None
@@ -435,7 +457,8 @@ def _check_force_follows_depth(scene: Scene, state: State, earlier: PreviousRows
 def _check_elastic_bound(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
     """Check that a body that yields has at most the force of an elastic one at the same depth.
 
-    Elastic theory is for small strain; a law of finite strain may exceed it by a factor.
+    The elastic force is that of small-strain theory; with a law of finite strain the force may
+    exceed it by a factor.
     """
     theory = scene.plan.theory
     scales = scene.physics.scales
@@ -508,12 +531,12 @@ RULES_BROKEN_BY_YIELD: Rules = (
 
 
 def _may_be_in_imprint(scene: Scene, state: State, earlier: PreviousRows) -> bool:
-    """True if the tip may hang free in the imprint that a larger depth has left."""
+    """True if the tip may be out of contact in the imprint that a larger depth has left."""
     return scene.physics.yields and state.delta < earlier.max_depth
 
 
 def _is_at_first_contact(scene: Scene, state: State) -> bool:
-    """True if E* radius_at(delta) delta, an estimate of the force, is negligible on this path."""
+    """True if E* radius_at(delta) delta, an estimate of the force, is negligible on the path."""
     depth = state.delta / scene.physics.scales.depth
     deepest = scene.physics.max_depth
     if depth <= 0 or deepest <= depth:
@@ -530,7 +553,8 @@ def _is_at_first_contact(scene: Scene, state: State) -> bool:
 def _force_noise(scene: Scene, state: State, earlier: PreviousRows) -> float:
     """Return the force that counts as zero [force].
 
-    It is a fraction of the largest force so far, or of the force of one element at the same depth.
+    This force is a fraction of the largest force so far, or of the force of one element at the same
+    depth.
     """
     scales = scene.physics.scales
     h = scene.sizes.h_contact
@@ -557,7 +581,7 @@ def _allowed_penetration(scene: Scene, state: State) -> float:
 
 
 def _may_be_unstable(scene: Scene) -> bool:
-    """True if the material law may be unstable at the expected strains: the force may fall."""
+    """True if the material may be unstable at the expected strains, so that the force may fall."""
     return any(warning.key == "stability" for warning in scene.plan.model_warnings)
 
 
@@ -584,7 +608,7 @@ def _force_ratio_range(scene: Scene, theory: Solution) -> tuple[float, float]:
 
 
 def _is_half_space_like(scene: Scene, theory: Solution) -> bool:
-    """True if the body responds to the contact of theory about as the body of theory does."""
+    """True if the body responds to the contact of theory about like the body of the theory."""
     height = scene.physics.body.height
     lateral_extent = scene.physics.body.lateral_extent(scene.physics.center)
     # A contact up to this fraction of the height and of the lateral extent is close to a

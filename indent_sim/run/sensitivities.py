@@ -28,10 +28,10 @@ Derivatives = dict[str, dict[str, list[float]]]
 def sensitivities(config: Config, keys: Sequence[str], step: float = 0.02) -> Derivatives:
     """Return the derivatives dF/dkey at every row of a scene, in the user's units.
 
-    Differences over relative steps h and 2 h are extrapolated, D = (4 * D_h - D_2h)/3. They are
-    central if the scene exists on both sides, otherwise backward. The error is |D_h - D_2h|/3 plus
-    F/key times the relative error of the forces, which is 0.1 % if no accuracy is requested. All
-    scenes have the same depths.
+    Differences over relative steps h and 2 h are extrapolated, D = (4 * D_h - D_2h)/3. The
+    differences are central if the scene exists for both changes of the key, otherwise backward. The
+    error is |D_h - D_2h|/3 plus F/key times the relative error of the forces, which is 0.1 % if no
+    accuracy is requested. All scenes have the same depths.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ def sensitivities(config: Config, keys: Sequence[str], step: float = 0.02) -> De
     if base.physics.path.control != "depth" or base.is_time_dependent:
         raise ConfigError(
             "loading",
-            "derivatives of the force are defined at prescribed depths only",
+            "derivatives of the force can be computed only if depths are prescribed",
             "give loading.delta or deltas",
         )
     explicit = explicit_config(config, base)
@@ -120,7 +120,8 @@ def _derivative(
     """Return the extrapolated derivative, its error and a force near the value, at every row.
 
     The derivative is (4 D_h - D_2h)/3, its error |D_h - D_2h|/3, with the differences D_h and D_2h
-    of relative steps h and 2 h. The force is that of a scene one step from the value of the key.
+    of relative steps h and 2 h. The returned force is computed with a value of the key that is
+    changed by one step.
     """
     value = _key_value(config, path)
     # Steps of a key that are tried, in this order.
@@ -151,7 +152,8 @@ def _derivative(
     # Resolving the changed scene raises the error that explains why it does not exist.
     resolve(_replace_value(config, path, value * (1 - step)))
     raise ConfigError(
-        ".".join(map(str, path)), "no scene exists with a slightly smaller or larger value"
+        ".".join(map(str, path)),
+        "neither a slightly smaller nor a slightly larger value gives a valid scene",
     )
 
 

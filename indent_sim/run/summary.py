@@ -110,8 +110,8 @@ def rounded_timings(seconds: Mapping[str, float]) -> dict[str, float]:
 def row_of_interest(states: Sequence[State], is_force_prescribed: bool) -> State:
     """Return the row with the largest force, or the last row if no force is positive.
 
-    Of several rows with this force the first one is returned; if forces are prescribed, the
-    deepest one, which is the last row of a creep test.
+    If several rows have this force, the first one is returned; under prescribed forces the deepest
+    row is returned, which is the last row of a creep test.
     """
     largest_force = max(state.force for state in states)
     if not largest_force > 0:
@@ -163,7 +163,7 @@ def adhesion_entry(
 
 
 def _pull_off_entry(pull_off: PullOff) -> dict[str, Any]:
-    """Return the entry of a pull-off for run.json."""
+    """Return the entry of run.json that describes a pull-off."""
     return {
         "delta": pull_off.state.delta,
         "force": pull_off.state.force,

@@ -33,8 +33,9 @@ def theory_comparison(
 
     Theory is evaluated at the depth of the run, or at its force if forces are prescribed, with the
     friction of the scene if its effect is known. `force_deviation` or `delta_deviation` is run /
-    theory - 1; `exact` is true if the theory is exact for the body. With adhesion the theory is
-    JKR's, and for a body that has yielded the functions of Dao et al., where they hold.
+    theory - 1; `exact` is true if the theory is exact for the body. With adhesion the comparison is
+    with JKR theory, and for a body that has yielded with the functions of Dao et al., where these
+    hold.
 
     Parameters
     ----------
@@ -97,7 +98,7 @@ def theory_comparison(
 
 
 def _mirror_notes(scene: Scene) -> list[str]:
-    """Return a note if the theory's force is a fraction of that of contact and mirror images."""
+    """Return a note if the force of theory is divided between the contact and mirror images."""
     fraction_names = {2: "half", 4: "a quarter"}
     return (
         [
@@ -112,14 +113,14 @@ def _mirror_notes(scene: Scene) -> list[str]:
 def _contact_numbers(
     contact: Solution | AdhesiveContact, D: float, F: float, L: float
 ) -> dict[str, float]:
-    """Return depth, force and radius of a contact in the units D, F and L."""
+    """Return depth, force and radius of a contact in the user's units."""
     return {"delta": contact.delta * D, "force": contact.force * F, "a": contact.a * L}
 
 
 def _curve_columns(
     curve: Sequence[Solution | AdhesiveContact], D: float, F: float, L: float
 ) -> dict[str, list[float]]:
-    """Return columns of depth, force and radius of a curve in the units D, F and L."""
+    """Return columns of depth, force and radius of a curve in the user's units."""
     rows = [_contact_numbers(contact, D, F, L) for contact in curve]
     return {name: [row[name] for row in rows] for name in ("delta", "force", "a")}
 
@@ -147,7 +148,7 @@ def _formula_comparisons(scene: Scene, theory: Theory, state: State) -> list[dic
 
 
 def _jkr_comparison(scene: Scene, states: Sequence[State]) -> dict[str, Any] | None:
-    """Return the JKR limit at the largest depth and its stable branch; None if undefined."""
+    """Return the JKR limit at the largest depth and its stable branch; None if not defined."""
     jkr = scene.plan.jkr
     scales = scene.physics.scales
     is_forced = scene.physics.path.control == "force"

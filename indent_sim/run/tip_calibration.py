@@ -36,14 +36,15 @@ class TipCalibration:
     curves
         Names of the curves (n,).
     h_c, A_p, fitted
-        Contact depths, areas by the stiffness, and areas of the function, (n,).
+        Contact depths, areas that follow from the stiffness, and areas of the fitted function,
+        (n,).
     coefficients
         Factors C_k of A = sum C_k h_c^p_k with the exponents p_k of AREA_EXPONENTS; none is
         negative.
     unit
         Unit of length; "" without units.
     assumptions
-        What the areas rest on, by name.
+        Assumptions on which the areas rest, by name.
     warnings
         Reasons to distrust the function.
     """
@@ -68,7 +69,7 @@ class TipCalibration:
 
     @property
     def table(self) -> str:
-        """Table of contact depth and area over the depths of the curves, as `--area` reads it."""
+        """Table of contact depths and areas over the depths of the curves, as for `--area`."""
         h_c = np.geomspace(self.h_c.min(), self.h_c.max(), TABLE_ROWS)
         # The end points keep all digits, so that the curves of the calibration lie inside.
         rows = (f"{h:.17g},{A:.8g}" for h, A in zip(h_c, self.area(h_c), strict=True))

@@ -15,10 +15,10 @@ from indent_sim.model.work import path_integral
 def energy_balance(states: list[State], side_force: str = "") -> float | None:
     """Return the relative difference of the tip's work and elastic energy plus dissipation.
 
-    The work is int F ddelta, and of a tip that slides int F ddelta - int F_x dx with the side force
-    F_x on the tip. The integrals are trapezoid rules. The difference is reported, but not checked:
-    with few rows the error of the trapezoid rule far exceeds that of the solution. None if there is
-    no energy.
+    The work is int F ddelta; for a tip that slides it is int F ddelta - int F_x dx with the side
+    force F_x on the tip. The integrals are trapezoid rules. The difference is reported, but not
+    checked: with few rows the error of the trapezoid rule far exceeds the error of the solution.
+    The result is None if there is no energy.
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ class HysteresisLoop:
         Work of loading [force length].
     end_depth
         Depth [length] at which the path ends in contact; the loop is taken beyond this depth. None
-        if the force has vanished at the end.
+        if the force is zero at the end of the path.
     """
 
     area: float
@@ -117,7 +117,7 @@ def hysteresis_loop(states: Sequence[State]) -> HysteresisLoop | None:
 
 
 def _rows_beyond(rows: list[tuple[float, float]], depth: float) -> list[tuple[float, float]]:
-    """Return the rows from the first crossing of a depth, with an interpolated row there."""
+    """Return a row interpolated where a depth is first crossed, and the rows after it."""
     first = next(i for i, (row_depth, _) in enumerate(rows) if row_depth >= depth)
     (depth_before, force_before), (depth_after, force_after) = rows[first - 1 : first + 1]
     fraction = (depth - depth_before) / (depth_after - depth_before)
@@ -125,5 +125,5 @@ def _rows_beyond(rows: list[tuple[float, float]], depth: float) -> list[tuple[fl
 
 
 def _work(begin: tuple[float, float], end: tuple[float, float]) -> float:
-    """Return the work of a force that is linear between two pairs of depth and force."""
+    """Return the work of a force between two points of depth and force, linear between them."""
     return (end[0] - begin[0]) * (begin[1] + end[1]) / 2

@@ -25,8 +25,8 @@ def published_comparison(scene: Scene, states: Sequence[State]) -> dict[str, Any
     -------
     dict or None
         The entry `theory` of run.json: force or depth, unloading stiffness, and the deviations of
-        the run from them; `error` is the relative error of the functions. None where they do not
-        hold.
+        the run from them; `error` is the relative error of the functions. None where these
+        functions do not hold.
     """
     contact = scene.plan.yielding
     physics = scene.physics
@@ -58,7 +58,7 @@ def published_comparison(scene: Scene, states: Sequence[State]) -> dict[str, Any
 
 
 def onset_entry(scene: Scene, states: Sequence[State]) -> dict[str, Any] | None:
-    """Return the entry `onset_of_yield` of run.json; None if it is not known.
+    """Return the entry `onset_of_yield` of run.json; None if the onset is not known.
 
     It has depth, force and contact radius at the onset of yield, and whether the run has yielded.
     """

@@ -47,7 +47,7 @@ def smallest_diffusivity(physics: ProblemDefinition) -> float:
 def largest_inverse_modulus(physics: ProblemDefinition) -> float:
     """Return the largest 1/M = permeability/D [1/pressure] of the regions with pore fluid.
 
-    It is the volume of drained fluid per volume of the body and per pore pressure.
+    1/M is the volume of drained fluid per volume of the body and per pore pressure.
     """
     flows = [
         (region.material.flow, region.material.diffusivity) for region in physics.permeable_regions
@@ -69,8 +69,8 @@ def film_force_fraction(
     diffusivity : float
         Diffusivity D [length^2/time].
     fraction_per_length : float or None
-        Value of `force_fraction_per_length`. It is None for a column, which is compressed by the
-        drained volume only, so that the relative error of this volume is that of the force.
+        Value of `force_fraction_per_length`. None for a column, which is compressed by the drained
+        volume only, so that force and drained volume have the same relative error.
 
     Returns
     -------
@@ -87,9 +87,9 @@ def film_force_fraction(
 def force_fraction_per_length(setup: ProblemSetup) -> float | None:
     """Return the relative error of the force per `excess_length` [1/length] at the largest depth.
 
-    It applies to a drained face under the tip. It follows from the reference theory, or from a
-    half-space beyond the range of the theory. It is None for a column that is compressed only by
-    drainage.
+    The error is that due to a drained face under the tip. It follows from the reference theory, or
+    from a half-space if the depth is beyond the range of the theory. The result is None for a
+    column that is compressed only by drainage.
     """
     if is_undrained_incompressible(setup.physics):
         return None
@@ -119,9 +119,9 @@ def drained_faces(setup: ProblemSetup, earliest: float) -> dict[str, float]:
     """Return the faces with a drained boundary layer, each with its distance to the contact.
 
     A face with a finite conductance has no boundary layer until the drained thickness exceeds
-    permeability/conductance. The free surface beside a sealed tip has none either: its undrained
-    pore pressure is almost zero, and 10 elements per contact radius resolve the drainage around the
-    edge of the contact to 0.2 % of the force.
+    permeability/conductance. The free surface beside a sealed tip has no boundary layer either: its
+    undrained pore pressure is almost zero, and 10 elements per contact radius resolve the drainage
+    around the edge of the contact to 0.2 % of the force.
 
     Parameters
     ----------
@@ -164,8 +164,8 @@ def _is_drained(physics: ProblemDefinition, kind: str | Conductance, earliest: f
 def distance_weight(setup: ProblemSetup, distance: float) -> float:
     """Return the weight of the boundary-layer error of a face at a distance [length].
 
-    It is the error divided by that of a face under the tip. It is 1 if the tip covers the body,
-    since the pressure is then uniform.
+    The weight is the error due to this face divided by the error due to a face under the tip. It is
+    1 if the tip covers the body, because the pressure is then uniform.
     """
     a = setup.a
     rim_distance = setup.physics.body.lateral_extent(setup.physics.center)
@@ -200,8 +200,8 @@ def unresolved_film(
 ) -> UnresolvedFilm | None:
     """Return the unresolved boundary layer with the largest error of the force.
 
-    It is a layer at a drained face in which the pore pressure changes and which is thinner than the
-    elements. None if the mesh resolves all of these layers.
+    Such a layer at a drained face, in which the pore pressure changes, is thinner than the
+    elements. The result is None if the mesh resolves all of these layers.
 
     Parameters
     ----------

@@ -45,8 +45,8 @@ def compression_theory(
 ) -> Theory | None:
     """Return the theory of a body compressed between two frictionless plates.
 
-    It applies if the tip covers the whole flat top. If a roller wall passes through the tip's axis,
-    the theory describes the body together with its mirror image.
+    The theory applies if the tip covers the whole flat top. If a roller wall passes through the
+    tip's axis, the theory describes the body together with its mirror image.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ def compression_theory(
     center : tuple of float
         Position of the tip's axis [length].
     radius_ratio : float
-        Radius of the tip's flat face divided by that of the top.
+        Radius of the tip's flat face divided by the radius of the top.
 
     Returns
     -------
@@ -95,7 +95,7 @@ def compression_theory(
 def _constrained_directions(body: Cylinder | BodyStrip | Box) -> int:
     """Return the number of lateral directions, 0 to 2, in which the body cannot expand.
 
-    The direction y of plane strain is one of them.
+    In plane strain, the direction y is counted.
     """
     if isinstance(body, Cylinder):
         return 0 if body.sides == "free" else 2

@@ -26,11 +26,11 @@ def frictional_edge_width(
 ) -> float:
     """Return the width [length] of the region at a rounded punch edge that needs small elements.
 
-    It is 0 without friction, at small strain, and in three dimensions, where small elements would
-    cost too much. At finite strain a body that slides around the edge or sticks to it is sheared by
-    about its own thickness within a fifth of the edge's radius. With elements of a tenth of that
-    radius the roughness of the pressure (`fe.postprocessing.roughness`) is 9 % of p_max, and p_max
-    is 4 % too large.
+    The width is 0 without friction, at small strain, and in three dimensions, where small elements
+    would cost too much. At finite strain a body that slides around the edge or sticks to it is
+    sheared by about its own thickness within a fifth of the edge's radius. With elements of a tenth
+    of that radius the roughness of the pressure (`fe.postprocessing.roughness`) is 9 % of p_max,
+    and p_max is 4 % too large.
 
     Parameters
     ----------
@@ -58,9 +58,9 @@ def refine_below_deep_tip(
 
     Without friction the surface slides outwards along the tip and up its side. Below a rod at a
     depth of five radii, the contact surface is in the undeformed body a disc of a tenth of the
-    rod's radius, which one element of the usual size would cover. The face of a flat punch
-    stretches as much. A sharp edge, whose arc no elements resolve, ends the path before that depth:
-    its sizes stay as they are.
+    rod's radius, which one element of the usual size would cover. The surface under the face of a
+    flat punch is stretched as much. Under a sharp edge, whose arc no elements resolve, the path
+    ends before that depth, so that the sizes are not changed.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ def refine_below_deep_tip(
     fixed_sizes : FixedSizes
         The sizes that are known so far.
     edge : float or None
-        Radius of an edge at which the pressure is singular [length]; None without.
+        Radius of an edge at which the pressure is singular [length]; None without such an edge.
     gap : str
         The key `contact.gap`, "reference" or "current".
     """

@@ -1,6 +1,6 @@
 """Corner singularities of the body next to the contact, and narrow gaps between contact and sides.
 
-Where a fixed face meets a free one at a right angle, the stress grows as rho^(lambda - 1) with the
+Where a fixed face meets a free face at a right angle, the stress grows as rho^(lambda - 1) with the
 distance rho from the corner. The smallest lambda, 0.595, is that of an incompressible body, and
 elements of the size h change the force by a multiple of h^(2 lambda) (Williams 1952, J. Appl. Mech.
 19, 526). A refinement that grades away from the corner costs few elements.
@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import exp, inf, log
 
-from indent_sim.mesh.model_domain import ModelDomain
+from indent_sim.mesh.model_domain import ModelDomain, Side
 from indent_sim.model.units import round_length
 from indent_sim.scene.measured_constants import (
     CORNER_ERROR,
@@ -54,7 +54,10 @@ class Corner:
         return self.error_constant * (h / self.distance) ** SINGULARITY_RATE
 
     def size(self, error: float, n: float) -> float:
-        """Return the element size [length] for a permitted error; n elements span a narrow gap."""
+        """Return the element size [length] for a permitted error at the corner.
+
+        A narrow gap is spanned by n elements.
+        """
         if self.error_constant:
             size = self.distance * (error / self.error_constant) ** (1 / SINGULARITY_RATE)
         else:
@@ -78,15 +81,16 @@ def corners(
     nu : float
         Largest Poisson's ratio of the body.
     edge : float or None
-        Radius of the punch's edge at which the contact ends [length]; it has its own element size.
+        Radius of the punch's edge at which the contact ends [length]; the edge has a separate
+        element size.
 
     Returns
     -------
     list of Corner
         The corners; in three dimensions the nearest points of the edges.
     """
-    if domain.top_radius:
-        return _base_edge_corners(domain, domain.top_radius, a, nu)
+    if domain.top_arc:
+        return _base_edge_corners(domain, domain.top_arc, a, nu)
     walls = [
         (domain.supports[surface], round_length(r))
         for surface, r in domain.wall_distances(center).items()
@@ -113,15 +117,17 @@ def _load_share(a: float, distance: float, is_plane_strain: bool) -> float:
     return a / distance
 
 
-def _base_edge_corners(domain: ModelDomain, radius: float, a: float, nu: float) -> list[Corner]:
+def _base_edge_corners(domain: ModelDomain, arc: Side, a: float, nu: float) -> list[Corner]:
     """Return the stress singularity at the rim of the base of a cap or ball; empty if negligible.
 
     A bonded rim is treated as a right-angled corner of a fixed and a free face. Where the body
-    overhangs its base, the rim is a notch, whatever the support. `radius` is that of the sphere,
-    and `a` that of the contact [length].
+    overhangs its base, the rim is a notch, whatever the support. `arc` is the curved top, and `a`
+    the radius of the contact [length].
     """
+    assert arc.center is not None
+    half_height = -arc.center[1]
     r, z = next(side.end for side in domain.outline if side.surface == "base")
-    if domain.rests_on_flat and domain.height == 2 * radius:
+    if domain.rests_on_flat and domain.height == 2 * half_height:
         return []
     distance = min(r, -z)
     is_bonded = domain.supports["base"] == "fixed"
@@ -131,7 +137,7 @@ def _base_edge_corners(domain: ModelDomain, radius: float, a: float, nu: float) 
         corner_error = CORNER_ERROR * (2 * nu) ** 2 * decay
     # A stiff coating distributes the load over at least its own thickness.
     load_width = max(a, -min(domain.interfaces, default=0.0))
-    notch_error = NOTCH_ERROR if domain.height > radius else 0.0
+    notch_error = NOTCH_ERROR if domain.height > half_height else 0.0
     error_constant = max(corner_error, notch_error) * min(load_width / distance, 1.0)
     return [Corner(round_length(r), -z, distance, error_constant)] if error_constant else []
 

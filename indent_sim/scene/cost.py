@@ -57,7 +57,7 @@ class SolverWork:
     holding_steps : int
         Number of further steps of a linear body in which the tip is at rest.
     least_solves : float
-        Number of linear solves that the path takes at least, however few its steps are.
+        Smallest number of linear solves of the path, for any number of steps.
     yields : bool
         True if the body may yield.
     """
@@ -122,7 +122,7 @@ def predict_cost(sizes: Sizes, domain: ModelDomain, work: SolverWork) -> Cost:
 
 
 def add_tip_cost(body: Cost, tip: Cost) -> Cost:
-    """Return the cost of a body and of a soft tip on the same mesh, from those of each alone."""
+    """Return the cost of a body and a soft tip on the same mesh, from the costs of both alone."""
     return Cost(
         body.cells + tip.cells,
         body.dofs + tip.dofs,
@@ -170,7 +170,7 @@ def _newton_cost(dim: int, work: SolverWork, dofs: float) -> tuple[float, float]
 def _condensed_cost(
     sizes: Sizes, domain: ModelDomain, work: SolverWork, dofs: float
 ) -> tuple[float, float]:
-    """Return memory and time for one factorisation, n solves of the body and small dense systems.
+    """Return memory and time of one factorisation, the solves and small dense systems.
 
     n is the number of candidate nodes times the number of displacement components per node.
     """

@@ -1,4 +1,4 @@
-"""Choices for what is computed from the elastic curve: experiments and histories."""
+"""Choices for experiments and histories that are computed from the elastic curve."""
 
 from __future__ import annotations
 
@@ -65,8 +65,8 @@ def curve(
         reason = ting_reason if setup.relaxation else static_reason
         if setup.uses_time_stepping:
             stepping_reason = (
-                "viscoelastic time stepping on the surface compliance, to 1e-4: the history is "
-                "not one loading and unloading with prescribed depths"
+                "viscoelastic time stepping on the surface compliance, with an error of 1e-4: "
+                "the history is not one loading and unloading with prescribed depths"
             )
             reason = stepping_reason
         choices.append(Choice("time", "curve", jkr_reason if setup.jkr_limit else reason))
@@ -74,24 +74,24 @@ def curve(
 
 
 def _refuse_curve_features(setup: ProblemSetup, why: str) -> None:
-    """Raise ConfigError if a property needs an elastic curve; `why` states why there is none."""
+    """Raise ConfigError if a property needs an elastic curve; `why` explains why there is none."""
     if setup.relaxation:
         problem = f"'all' needs the elastic curve of a linear, frictionless contact: {why}"
         raise ConfigError(
             "material.relaxation.of",
             problem,
-            "use of: shear, or remove the part of the model that this reason names",
+            "use of: shear, or remove the part of the model that is named as the reason",
         )
     if experiment_part := next(
         (name for name, part in vars(setup.experiment or Experiment()).items() if part), None
     ):
         problem = f"needs an elastic curve, but this scene is solved row by row: {why}"
-        remedy = "leave it out, or remove the part of the model that this reason names"
+        remedy = "leave it out, or remove the part of the model that is named as the reason"
         raise ConfigError(f"experiment.{experiment_part}", problem, remedy)
 
 
 def _refuse_curve(config: Config, setup: ProblemSetup, solver: Choice, key: str) -> None:
-    """Raise ConfigError if the elastic curve does not determine what `key` asks for."""
+    """Raise ConfigError if the elastic curve does not determine what `key` requests."""
     physics = setup.physics
     if setup.history and config.output.fields in ("last", "all"):
         problem = (

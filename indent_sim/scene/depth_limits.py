@@ -66,7 +66,7 @@ def expected_depths(
         Scales of the problem, for messages.
     mirror_multiplicity : int, optional
         Number of bodies in contact with the tip, including mirror images (1, 2 or 4). The theory is
-        evaluated at the total force, which is this number times the prescribed one.
+        evaluated at the total force, which is this number times the prescribed force.
     yielding_depth : callable, optional
         Function that returns the depth of a body that yields at a force, or None, from the force
         and the depth of the elastic body.
@@ -216,7 +216,8 @@ def expected_radius(
 ) -> float:
     """Return the expected contact radius at a depth, at most the lateral extent of the body.
 
-    It follows from theory, or else from the smallest cross-section of the tips at that depth.
+    The radius follows from theory, or without a theory from the smallest cross-section of the tips
+    at that depth.
 
     Parameters
     ----------
@@ -269,8 +270,8 @@ def top_coverage_depth(body: Body, layers: Sequence[Layer], tip: Indenter, cente
 
     The volume of the body is constant, so that the mean height of its surface remains 0. If the tip
     is in contact everywhere, this mean height equals the mean height of the tip minus the depth.
-    The force becomes infinite at this depth. Other bodies have no limit; the depth is then
-    infinite.
+    The force becomes infinite at this depth. For other bodies there is no such depth, and infinity
+    is returned.
     """
     materials = [layer_material(layer) for layer in layers]
     materials += [inclusion.material.canonical() for inclusion in body.inclusions or ()]
@@ -282,9 +283,9 @@ def top_coverage_depth(body: Body, layers: Sequence[Layer], tip: Indenter, cente
 def side_contact_depth(body: Body, tip: Indenter, center: Center) -> float:
     """Return the depth [length] at which the tip reaches the top of a fixed side, or infinity.
 
-    At larger depths the surface displacement would have to jump from u_z = 0 at the side to that of
-    the tip, which requires infinite energy. The force on a mesh then grows logarithmically as the
-    elements shrink.
+    At larger depths the surface displacement would have to jump from u_z = 0 at the side to the
+    displacement of the tip, which requires infinite energy. The force on a mesh then grows
+    logarithmically as the elements shrink.
     """
     z = body.fixed_points[:, -1] if isinstance(body, ImportedBody) else 0.0
     return float(np.min(_tip_heights(tip, body.fixed_edge_points(), center) - z, initial=np.inf))
@@ -297,7 +298,7 @@ def _tip_heights(tip: Indenter, points: Points, center: Center) -> Any:
 
 
 def _with_slides_of(history: History, path: LoadPath) -> LoadPath:
-    """Return a path that goes on to each displacement of the tip in a history."""
+    """Return the path, continued by the slides of a history at its last depth or force."""
     if not history.slide_points:
         return path
     displacements = tuple(x for _, x in history.slide_points)
@@ -324,8 +325,9 @@ def path_to_max_depth(
         Smallest fraction of the instantaneous modulus during the history. The depth at a prescribed
         force is that of a body with this modulus.
     compliance : float
-        Compliance of the spring that carries the tip [length/force]. Its force, the contact force,
-        is at least that on a half-space of the softest layer; this bounds the depth from above.
+        Compliance of the spring that carries the tip [length/force]. The force of the spring is the
+        contact force, which is at least that on a half-space of the softest layer; this bounds the
+        depth from above.
     tip : Indenter
         The equivalent tip: over a flat body it has the gap that the real tip has over the curved
         one.

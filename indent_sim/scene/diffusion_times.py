@@ -48,7 +48,7 @@ class DiffusionTimes:
     def first_step(self, shortest: float) -> float:
         """Return the first time step [time] of a segment.
 
-        It is at most `shortest`, unless diffusion over an element takes longer.
+        The step is at most `shortest`, unless diffusion over an element takes longer.
         """
         # First time step of a segment, relative to the diffusion time of the contact.
         first_step_fraction = 1e-3
@@ -61,8 +61,8 @@ class DiffusionTimes:
 def drained_face_size(physics: ProblemDefinition, sizes: Sizes) -> float:
     """Return the element size at the drained faces [length] that determines the first time step.
 
-    It is the element size at the contact. For a confined column that drains through its base it is
-    the element size at the base if that is smaller.
+    The element size at the contact is returned, or for a confined column that drains through its
+    base the smaller one of the element sizes at contact and base.
     """
     if physics.is_porous_column and sizes.h_film is not None:
         return min(sizes.h_contact, sizes.h_film)

@@ -50,7 +50,7 @@ def scene_warnings(
     setup : ProblemSetup
         The problem setup.
     row_depths : sequence of float
-        Expected depths of the output rows, as far as they are known [length].
+        Expected depths of the output rows whose depth is known in advance [length].
     law : ContactLaw
         The contact law, with its stiffnesses.
     gap : str
@@ -121,7 +121,7 @@ def _contact_law_warnings(
 
 
 def _yield_warnings(setup: ProblemSetup) -> Iterator[ModelWarning]:
-    """Yield warnings on yield: a path that is elastic, elastic strains, long increments."""
+    """Yield warnings on plasticity: no yield on the path, elastic strains, long increments."""
     if not setup.physics.yields:
         return
     onset = setup.yielding.onset if setup.yielding else None

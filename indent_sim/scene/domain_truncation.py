@@ -2,8 +2,8 @@
 
 For a half-space, a finite body of half-width and height n a (a: contact radius) is too stiff by
 about 1/n. For a layer, the error of a wall decays with its distance in heights of the layer. Layer
-theory gives both exactly for a cylinder between frictionless walls. Elements that grow with the
-distance allow an n of thousands at little cost.
+theory gives both errors exactly for a cylinder between frictionless walls. Elements that grow with
+the distance allow an n of thousands at little cost.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ TRUNCATION_SAFETY = 1.5
 
 @dataclass(frozen=True)
 class Truncation:
-    """Finite body in place of an unbounded one.
+    """Finite body in place of an unbounded body.
 
     Attributes
     ----------
@@ -236,7 +236,7 @@ def _truncate_half_space(
     )
 
     def error_of(size: float) -> float:
-        """Return F(cylinder)/F(half-space) - 1 for a cylinder of radius and height `size`."""
+        """Return the relative error of the force for a cylinder of radius and height `size`."""
         stack = stack_of(_finite_layers(theory_layers, size), "fixed")
         assert stack is not None
         contact = LayerContact.from_stack(shape, stack, size)

@@ -26,9 +26,9 @@ NEARLY_INCOMPRESSIBLE_NU = 0.45
 def edge_error(sizes: Sizes) -> float:
     """Bound of the relative error of the force due to the elements at a punch's sharp edge.
 
-    It is EDGE_ERROR * h_edge/radius multiplied by the relative sensitivity of the force to the
-    radius; 0 without a sharp edge. The force is always too low, since elements that end at the edge
-    represent a narrower punch.
+    The bound is EDGE_ERROR * h_edge/radius multiplied by the relative sensitivity of the force to
+    the radius; 0 without a sharp edge. The force is always too low, since elements that end at the
+    edge represent a narrower punch.
     """
     if sizes.punch_edge is None or sizes.h_edge is None:
         return 0.0
@@ -64,14 +64,14 @@ def expected_force_error(sizes: Sizes, a: float, nu: float) -> float:
 
 
 def swelling_force_error(sizes: Sizes, a: float) -> float:
-    """Expected relative error of the force on a tip that a swelling gel comes to touch.
+    """Expected relative error of the force on a tip that gets into contact by swelling of a gel.
 
-    `a` is the contact radius [length]. The error is caused by the elements at the contact edge. It
-    was measured on a gel with chi = 0.6 under a ball whose radius is the gel's thickness, on three
-    meshes and at six times. The reference mesh had elements a sixth as long at the axis. The error
-    was at most 51, 36, 8, 5 and 1 % with n = 2.3, 2.9, 3.7, 4.5 and 6.5 elements in the contact
-    radius, which is 2.7/n^3 to 8.6/n^3. `tests/physics/test_gel_scenes.py` measures one of the
-    meshes again.
+    `a` is the contact radius [length]. The error is caused by the elements at the contact edge. The
+    error was measured on a gel with chi = 0.6 under a ball whose radius is the gel's thickness, on
+    three meshes and at six instants, against a mesh whose elements at the axis were six times
+    smaller. It was at most 51, 36, 8, 5 and 1 % with n = 2.3, 2.9, 3.7, 4.5 and 6.5 elements in the
+    contact radius, which is 2.7/n^3 to 8.6/n^3. The function returns 9/n^3, or 0 under a punch with
+    a sharp edge. `tests/physics/test_gel_scenes.py` repeats the measurement on one of the meshes.
     """
     return 0.0 if sizes.punch_edge is not None else 9.0 / sizes.elements_in_contact(a) ** 3
 

@@ -125,9 +125,9 @@ def _overshoot_warnings(
 
     Where the contact extends to a drained wall, the pore pressure jumps at the wall until an
     element has drained, and pressures linear in an element overshoot beside it. On a disc with a
-    drained rim p_max was 5 % and pore_pressure_max 10 % too large, and 0.2 % and 2 % in the first
-    row with elements of half the size that drains until then. Checked:
-    tests/physics/test_early_times.py.
+    drained rim p_max was 5 % and pore_pressure_max 10 % too large, with elements of half the size
+    that drains until the first row, p_max was 0.2 % and pore_pressure_max 2 % too large in that
+    row. Checked by tests/physics/test_early_times.py.
     """
     if setup.max_depth <= 0 or physics.is_swelling:
         return
@@ -182,7 +182,7 @@ def _swelling_deficit(ramp: float, t: float) -> float:
     """Return the relative delay of the swelling of a gel at time t due to the ramp of its bath.
 
     The delay is 1 minus the rise of the surface divided by the rise after a sudden change. After a
-    sudden change the rise is proportional to t^(1/2). It is proportional to
-    2/3 (t^(3/2) - (t - ramp)^(3/2))/ramp if the bath changes linearly over the time `ramp`.
+    sudden change the rise is proportional to t^(1/2). If the bath changes linearly over the time
+    `ramp`, the rise is proportional to 2/3 (t^(3/2) - (t - ramp)^(3/2))/ramp.
     """
     return 1.0 - 2.0 / 3.0 * (t**1.5 - max(t - ramp, 0.0) ** 1.5) / (ramp * t**0.5)

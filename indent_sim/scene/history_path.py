@@ -1,4 +1,4 @@
-"""The problem with the prescribed history as its load path, and its time steps."""
+"""Load path of a problem that follows the prescribed history, with its time steps."""
 
 from __future__ import annotations
 
@@ -126,10 +126,10 @@ def _depths_along(setup: ProblemSetup, path: LoadPath) -> tuple[float, ...]:
 def bath_ramp_time(setup: ProblemSetup, physics: ProblemDefinition) -> float:
     """Return the time over which a change of a gel's bath is applied linearly [time].
 
-    The key `drainage.bath_ramp` gives it. For `auto` at finite strain it is L^2/(75 D), where D is
-    the largest diffusivity and L the smaller of the expected contact radius and the body's height;
-    it does not depend on the mesh. It is 0 if the bath does not swell or shrink the body, and for
-    an instantaneous change.
+    The time is given by the key `drainage.bath_ramp`. For `auto` at finite strain it is L^2/(75 D),
+    where D is the largest diffusivity and L the smaller of the expected contact radius and the
+    body's height; it does not depend on the mesh. It is 0 if the bath does not swell or shrink the
+    body, and for an instantaneous change.
     """
     if not physics.is_swelling:
         return 0.0

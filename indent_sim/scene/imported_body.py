@@ -67,7 +67,7 @@ def position_imported_mesh(
 def read_imported_mesh(config: Config, comm: Any) -> ImportedMesh | None:
     """Read the mesh file of a scene; None if its body has no mesh file (collective).
 
-    On several ranks, rank 0 reads the file and the others receive the boundary cells.
+    On several ranks, rank 0 reads the file and the other ranks receive the boundary cells.
     """
     source = config.body
     if not isinstance(source, MeshFromFile):

@@ -21,6 +21,7 @@ from indent_sim.scene.measured_constants import (
     ELEMENTS_PER_RADIUS,
     FLAT_INCLUSION_FACTOR,
     MAX_INCLUSION_WEIGHT,
+    SWELLING_CORNER_SIZE,
 )
 from indent_sim.scene.path_rows import path_rows
 from indent_sim.scene.problem_definition import ProblemDefinition
@@ -67,7 +68,7 @@ def _expected_base_radius(body: SphericalBody, setup: ProblemSetup) -> float:
     solution = setup.solution(setup.max_depth) if setup.max_depth > 0 else None
     if solution and theory and isinstance(theory.contact, ContactsInSeries):
         return theory.contact.lower_solution(solution.force).a
-    return max((body.radius * max(setup.max_depth, 0.0) / 2) ** 0.5, setup.a)
+    return max((body.apex_radius * max(setup.max_depth, 0.0) / 2) ** 0.5, setup.a)
 
 
 def refine_corners(
@@ -80,8 +81,8 @@ def refine_corners(
 
     In three dimensions this refinement would cost too much. The field `corner_error` of the result
     estimates the error of the force due to the elements at corners, with and without refinement. A
-    coarser mesh does not show this error, since the elements at a corner are never larger than
-    those in the contact.
+    coarser mesh does not show this error, since the elements at a corner are never larger than the
+    elements in the contact.
     """
     physics = setup.physics
     near_corners = corners_near(physics, default_sizes, setup.a) if setup.max_depth > 0 else []
@@ -100,6 +101,8 @@ def refine_corners(
     is_size_free = resolution is not None or fixed_sizes.h_contact is None
     if physics.domain.dim == 2 and h is None and is_size_free:
         h = needed_corner_size(default_sizes, near_corners, error, n)
+        if h is not None and physics.is_swelling:
+            h = max(h, SWELLING_CORNER_SIZE * default_sizes.h_contact)
     return sizes_with_corners(default_sizes, near_corners, h)
 
 
@@ -277,7 +280,7 @@ def _film_sizes(
 
 
 def _elements_in_inclusion(inclusion: Inclusion, setup: ProblemSetup, error: float) -> float:
-    """Return the elements needed in half the thickness of an inclusion for an error of the force.
+    """Return the number of elements in half an inclusion's thickness for an error of the force.
 
     The error is the fraction of the inclusion that flat facets omit, multiplied by the share of the
     inclusion in the strain energy below a point force.

@@ -1,8 +1,8 @@
 """Measured constants of planning: numbers from runs and meshes, with their source.
 
-Each entry names the unit, what was measured on which scenes, and the test or script that measures
-it again ("Repeated by") or checks what follows from it ("Checked"). Tolerances and limits that are
-a choice stand where they are used.
+Each entry gives the unit, the measured quantity and the scenes, and the test or script that repeats
+the measurement ("Repeated by") or checks a consequence of it ("Checked"). Tolerances and limits
+that were chosen are defined where they are used.
 """
 
 from __future__ import annotations
@@ -55,6 +55,10 @@ EDGE_REFINEMENT = 0.74
 # punches of 0.05 to 1 times their radius, with nu = 0 to 0.4999. Checked:
 # tests/physics/test_corners.py.
 CORNER_ERROR = 0.035
+# Smallest elements at a corner of a gel that swells, in h_contact [-]. In smaller ones the free
+# face beside a bonded base folds (local stretches above 3), and Newton's method finds no
+# equilibrium. Checked: tests/physics/test_gel_scenes.py.
+SWELLING_CORNER_SIZE = 0.125
 # NOTCH_ERROR [-] replaces CORNER_ERROR (2 nu)^2 where a body overhangs its base, with any support.
 # Measured on caps with contact angles from 60 to 170 degrees and elements of 0.01 to 0.3 of the
 # base radius: the errors were 0.1 to 1.3 times this bound, and no more than noise up to 90 degrees.

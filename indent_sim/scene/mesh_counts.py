@@ -1,8 +1,8 @@
 """Predicted numbers of cells, nodes and vertices of a mesh, from its element sizes.
 
-They are proportional to the integral of 1/size^dim over the model domain and, in three dimensions,
-of 1/size^2 over its surface. The factors were fitted to meshes of gmsh; tests/physics/test_cost.py
-compares the counts with meshes.
+The numbers are proportional to the integral of 1/size^dim over the model domain and, in three
+dimensions, of 1/size^2 over its surface. The factors were fitted to meshes of gmsh;
+tests/physics/test_cost.py compares the counts with meshes.
 """
 
 from __future__ import annotations
@@ -174,9 +174,9 @@ def _coating_elements(
 def _film_elements(film: DrainedFace, sizes: Sizes, domain: ModelDomain) -> float:
     """Return the number of elements that refinement at a drained face adds to a section.
 
-    It is the integral of max(0, 1/(h + grading d)^2 - 1/h_0^2) over the distance d from the face
-    and the length s along the face from the point closest to the tip. h: element size at the face,
-    h_0: element size without this refinement.
+    The number is the integral of max(0, 1/(h + grading d)^2 - 1/h_0^2) over the distance d from the
+    face and the length s along the face from the point closest to the tip. Here h is the element
+    size at the face, and h_0 the element size without this refinement.
     """
     (x0, z0) = film.side.start
     (x1, z1) = film.side.end
@@ -220,7 +220,7 @@ def candidate_count(sizes: Sizes, domain: ModelDomain) -> float:
 def _ring_weight(r: np.ndarray, dim: int, sectors: float) -> np.ndarray:
     """Return the length of the arc at the distance r from the tip's axis [length].
 
-    In two dimensions, return the number of points at this distance instead.
+    In two dimensions the result is the number of points at this distance.
     """
     return pi / 2 * sectors * r if dim == 3 else np.full_like(r, sectors)
 

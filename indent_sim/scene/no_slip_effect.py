@@ -29,7 +29,8 @@ class NoSlipEffect:
     percent : float or None
         The change [%] if it is known exactly.
     low, high : float or None
-        Range of the change [%]; None if it is known only at small strain, but strains are finite.
+        Range of the change [%]; None if it is known only for small strain and the strains are
+        finite.
     source : str
         Text on the origin of these numbers.
     """
@@ -72,7 +73,7 @@ class NoSlipEffect:
 def no_slip_effect(
     setup: ProblemSetup, physics: ProblemDefinition, linear: str = "direct"
 ) -> NoSlipEffect | None:
-    """Return the effect of no slip at the largest depth; None if unknown or if nothing slips.
+    """Return the effect of no slip at the largest depth; None if unknown or without slip.
 
     The effect is exact on a half-space. For other bodies it is a range interpolated from computed
     bonded layers (`theory.no_slip`). At finite strain, or with the gap evaluated at the deformed

@@ -59,15 +59,15 @@ class PathRow:
     def drained_length(self, diffusivity: float) -> float:
         """Return the drained thickness of the body [length], weighted with the load changes.
 
-        It is the sum of `drained_length` of the theory over all changes. Each change is weighted by
-        its pressure divided by the pressure at the largest value of the path.
+        The result is the sum of the theory's `drained_length` over all changes of the load. Each
+        change is weighted by its pressure divided by the pressure at the largest value of the path.
         """
         return float(self.changes @ drained_length(diffusivity, self.elapsed, self.durations))
 
     def excess_length(self, h: np.ndarray, diffusivity: float) -> np.ndarray:
-        """Return how much elements of sizes h (m,) overestimate the drained length (m,) [length].
+        """Return the overestimate [length] of the drained length (m,) by elements of sizes h (m,).
 
-        It is the sum of `excess_length` of the theory over all changes.
+        The result is the sum of the theory's `excess_length` over all changes of the load.
         """
         lengths = drained_length(diffusivity, self.elapsed, self.durations)
         return excess_length(h[:, None], lengths) @ self.changes

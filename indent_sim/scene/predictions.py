@@ -18,9 +18,9 @@ def prediction_of(setup: ProblemSetup) -> dict[str, float]:
     The keys are the contact radius `a`, the elastocapillary length of a body with surface tension,
     and the force at the largest depth, or `delta` at the largest force if forces are prescribed.
     For a body that yields they are estimates, with depth and force at the onset of yield if these
-    are known. The value by theory has the plain key; values by formulas for half-spaces and thin
-    layers have keys with a suffix. For an adhesive tip only the JKR limit is given. Unknown
-    quantities are left out.
+    are known. The value by theory has the key without a suffix; values by formulas for half-spaces
+    and thin layers have keys with a suffix. For an adhesive tip only the JKR limit is given.
+    Unknown quantities are left out.
     """
     physics = setup.physics
     delta = setup.max_depth

@@ -1,4 +1,4 @@
-"""Properties of a prescribed history that the problem setup needs: depth, modulus, steps."""
+"""Properties of a prescribed history for the setup of the problem: depth, modulus and steps."""
 
 from __future__ import annotations
 
@@ -48,7 +48,8 @@ def prony_series(law: Relaxation, shortest: float, longest: float) -> PronySerie
 def remaining_modulus_fraction(law: Relaxation | None, history: History | None) -> float:
     """Return the smallest fraction of the instantaneous modulus during a history.
 
-    It can exceed 1 for a power law, which is relative to the modulus at its reference time.
+    The fraction can exceed 1 for a power law, which is relative to the modulus at its reference
+    time.
     """
     if law is None:
         return 1.0
@@ -62,7 +63,7 @@ def remaining_modulus_fraction(law: Relaxation | None, history: History | None) 
 
 
 def time_steps_per_doubling(config: Config) -> int:
-    """Return the number of time steps before the step size doubles, as given or from `accuracy`.
+    """Return the number of time steps before the step size doubles, given or from `accuracy`.
 
     The error of the time integration falls with the square of this number.
     """

@@ -77,7 +77,8 @@ class ProblemDefinition:
     drainage : Drainage
         Boundary conditions of the pore fluid, with times since the beginning of the history.
     bath_ramp : float
-        Time over which a sudden change of the bath is applied [time]; 0 for an instantaneous one.
+        Time over which a sudden change of the bath is applied [time]; 0 for an instantaneous
+        change.
     """
 
     scales: Scales
@@ -139,7 +140,7 @@ class ProblemDefinition:
     def side_force_axes(self) -> dict[str, int]:
         """Return the horizontal axes, by name, along which there can be a net side force.
 
-        It is due to friction, a slide, or the pressure along the normal of a tilted tip.
+        Such a force is due to friction, a slide, or the pressure along the normal of a tilted tip.
 
         By symmetry, there is no side force normal to a mirror plane through the tip.
         """
@@ -166,7 +167,8 @@ class ProblemDefinition:
     def _lateral_axes(self) -> dict[str, int]:
         """Return the horizontal axes along which the body may push the tip; none in axisymmetry.
 
-        It does by friction, and if the tip slides or is tilted also by the pressure on its slope.
+        The push is due to friction and, if the tip slides or is tilted, to the pressure on the
+        slope of the tip.
         """
         is_pushed = self.has_friction or self.slides or (self.has_moment and self.gap == "current")
         if not is_pushed or self.domain.kinematics.name == "axisymmetric":
@@ -363,7 +365,7 @@ class ProblemDefinition:
     def searches_pull_off(self) -> bool:
         """True if the pull-off force is searched for between the rows.
 
-        This needs an attraction with a finite range, and prescribed depths that decrease.
+        The search needs an attraction with a finite range, and prescribed depths that decrease.
         """
         if not self.contact.adhesion_range or self.path.control != "depth":
             return False
@@ -373,7 +375,7 @@ class ProblemDefinition:
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """Columns for tip, flat, slide, friction, tilt, fluid, yield and unloading, in order."""
+        """Columns for soft tip, flat, slide, friction, tilt, fluid and yield, in this order."""
         soft_tip = SOFT_TIP_COLUMNS if self.indenter.elastic_part else ()
         unloading = UNLOADING_COLUMNS if self.path.unloading else ()
         if soft_tip or self.domain.rests_on_flat:
@@ -404,7 +406,7 @@ class ProblemDefinition:
 
     @property
     def moment_axis(self) -> tuple[float, float]:
-        """Horizontal unit vector (x, y) along the tilt, else along the slide, of the moment."""
+        """Horizontal direction (x, y) of the lever arm of the moment: the tilt, else the slide."""
         direction = self.indenter.tilt_direction
         if direction is None:
             direction = 90.0 * self.path.slide_axis
@@ -417,7 +419,7 @@ class ProblemDefinition:
 
     @property
     def contact_modulus(self) -> float:
-        """E* of the contact [pressure]: 1/(1/E_1* + 1/E_2*) of body and tip if the tip is soft."""
+        """E* of the contact [pressure]; for a soft tip 1/(1/E_1* + 1/E_2*) of body and tip."""
         E_star: float = self.material.E_star
         lens = self.indenter.elastic_part
         return E_star if lens is None else 1.0 / (1.0 / E_star + 1.0 / lens.material.E_star)
@@ -471,7 +473,7 @@ class ProblemDefinition:
 
     @property
     def is_linear(self) -> bool:
-        """True if strains are small, the gap is at the undeformed point, and nothing yields."""
+        """True if strains are small, the gap refers to undeformed points, and nothing yields."""
         return self.small_strain and self.gap == "reference" and not self.yields
 
     def solver_work(self, method: str, linear: str) -> SolverWork:

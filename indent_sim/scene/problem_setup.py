@@ -19,7 +19,7 @@ from indent_sim.model.layers import Layer
 from indent_sim.model.load_path import LoadPath
 from indent_sim.model.materials import Material
 from indent_sim.model.relaxation import Relaxation
-from indent_sim.model.spherical_bodies import Ball, Cap, SphericalBody
+from indent_sim.model.spherical_bodies import CurvedBody, SphericalBody
 from indent_sim.model.tip_track import TipTrack
 from indent_sim.model.tips import FlatPunch, Indenter, Plate
 from indent_sim.model.unbounded_bodies import HalfSpace, UnboundedBody
@@ -86,7 +86,7 @@ class ProblemSetup:
     physics : ProblemDefinition
         The problem with the contact conditions of the reference theory.
     truncation : Truncation or None
-        The finite body in place of an unbounded one.
+        The finite body in place of an unbounded body.
     layers : tuple of Layer
         Layers from the top, each with its thickness and material.
     relative_tip : Indenter
@@ -142,7 +142,7 @@ class ProblemSetup:
 
     @property
     def is_half_space(self) -> bool:
-        """True if the body is a half-space, or a truncated one."""
+        """True if the body is a half-space or a finite body in place of a half-space."""
         stands_for_one = self.truncation is not None and self.truncation.represents == "half-space"
         return stands_for_one or isinstance(self.physics.body, HalfSpace)
 
@@ -190,7 +190,7 @@ class ProblemSetup:
 
     @cached_property
     def jkr(self) -> Jkr | None:
-        """Contact of an adhesive tip in the JKR limit; None if there is no theory."""
+        """Contact of an adhesive tip in the JKR limit; None if no theory applies."""
         return self.theory.jkr(self.attraction.work) if self.attraction and self.theory else None
 
     def solution(self, delta: float) -> Solution | None:
@@ -225,7 +225,7 @@ def set_up_problem(config: Config, imported_mesh: ImportedMesh | None = None) ->
         )
         return _set_up(config, meshed_body, meshed_body.layers, None, imported_mesh)
     layers = elastic_layers(config)
-    if isinstance(body, Cap | Ball):
+    if isinstance(body, CurvedBody):
         spherical_body = body.spherical_body
         (*coatings, core) = layers
         core = replace(
@@ -411,7 +411,7 @@ def _set_up(
 def _with_increments(config: Config, path: LoadPath, *, is_covered: bool) -> LoadPath:
     """Return the path with the increments that an accuracy requires of a body that yields.
 
-    The stress below a tip that covers the body is uniform, and its increments are exact.
+    The stress below a tip that covers the body is uniform, and increments of any length are exact.
     """
     target = target_error(config.accuracy)
     if target is None or not config.yields or is_covered:
@@ -424,7 +424,7 @@ def _with_increments(config: Config, path: LoadPath, *, is_covered: bool) -> Loa
 
 
 def _punch_if_soft(tip: Indenter) -> Indenter:
-    """Return a soft plate as the soft punch that it is."""
+    """Return a soft plate as an equivalent soft punch; return other tips unchanged."""
     if not isinstance(tip, Plate) or tip.radius is None:
         return tip
     return FlatPunch(tip.radius, material=tip.material, thickness=tip.thickness)

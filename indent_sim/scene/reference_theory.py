@@ -60,7 +60,7 @@ def theory_of(
     center: tuple[float, ...],
     surface_tension: float = 0.0,
 ) -> Theory | None:
-    """Return the reference theory of a scene, which neglects inclusions; None if there is none.
+    """Return the reference theory of a scene, without its inclusions; None if there is no theory.
 
     Parameters
     ----------
@@ -138,9 +138,9 @@ def _soft_tip_theory(theory: Theory, lens: Lens | SoftCylinder, body: Body) -> T
 
 
 def _add_soft_tip(theory: Theory, lens: Lens | SoftCylinder) -> Theory | None:
-    """Return the theory of a layer under a soft tip, which is taken as a flat layer, too.
+    """Return the theory of a layer under a soft tip, which is also treated as a flat layer.
 
-    None in plane strain.
+    The result is None in plane strain.
     """
     rigid = theory.contact
     if isinstance(rigid, ContactsInSeries):
@@ -170,7 +170,7 @@ def layer_theory(
     """Return the layer theory of a bounded body; None if there is none.
 
     No theory exists for a body from a mesh file, for layers with nu < 0, and for tips whose profile
-    no theory includes. Parameters as in `theory_of`.
+    no theory includes. The parameters are those of `theory_of`.
     """
     if isinstance(body, ImportedBody):
         return None
@@ -198,7 +198,7 @@ def _spherical_body_theory(
 ) -> Theory | None:
     """Return the theory of a flat body and a tip with the sum of both curvatures.
 
-    The flat body is a layer with the height of a cap, or a half-space for a ball.
+    The flat body is a layer with the height of a cap, or a half-space for a ball or an ellipsoid.
     """
     is_cap = body.shape == "cap"
     shape = theory_tip_shape(tip)
@@ -207,10 +207,10 @@ def _spherical_body_theory(
     stack = stack_of(layers, base if is_cap else None)
     if shape is None or stack is None:
         return None
-    contact = Layer.from_stack(profiles.tip_over_spherical_body(shape, body.radius), stack)
+    contact = Layer.from_stack(profiles.tip_over_spherical_body(shape, body.apex_radius), stack)
     why = "the theory uses a flat body and a tip with the sum of both curvatures"
     if body.rests_on_flat and not is_cap:
-        plate = profiles.tip_over_spherical_body(profiles.flat_plate(), body.radius)
+        plate = profiles.tip_over_spherical_body(profiles.flat_plate(), body.apex_radius)
         series = ContactsInSeries(contact, Layer.from_stack(plate, stack))
         reason = f"{why}, for each of the two contacts"
         return Theory("two contacts in series", False, reason, series)
@@ -265,23 +265,23 @@ def adhesive_radii(
 def relative_tip(tip: Indenter, body: Body) -> Indenter:
     """Return the tip that has the same gap over a flat body as the given tip over its body.
 
-    To second order it is a paraboloid with the curvature 1/R + 1/radius. A sharp tip is returned
-    unchanged, since the body is flat near its apex.
+    To second order it is a paraboloid with the curvature 1/R + 1/apex_radius. A sharp tip is
+    returned unchanged, since the body is flat near its apex.
     """
     if not isinstance(body, SphericalBody):
         return tip
     match tip:
         case Paraboloid(R=R) | Sphere(R=R) | tips.Hyperboloid(R=R):
-            return Paraboloid(1 / (1 / R + 1 / body.radius))
+            return Paraboloid(1 / (1 / R + 1 / body.apex_radius))
         case Plate() | FlatPunch():
-            return Paraboloid(body.radius)
+            return Paraboloid(body.apex_radius)
     return tip
 
 
 def half_space_theory(
     tip: Indenter, layers: Sequence[BodyLayer], size: float = 1.0
 ) -> Theory | None:
-    """Return the theory of a tip on layers on a half-space; None if there is none.
+    """Return the theory of a tip on layers on a half-space; None if no theory exists.
 
     The last layer is the half-space. `size` is a length of about the contact radius [length], the
     length unit for a homogeneous half-space.

@@ -2,10 +2,10 @@
 
 One number determines the discretisation: the number n of elements in the contact radius of every
 step. All element sizes follow from it so that no part of the mesh dominates the error. Inside the
-largest contact they are proportional to the distance from the axis, since the contact edge passes
-there. The far size falls as 1/n, the grading outside the contact as n^-GRADING_EXPONENT, and the
-size at a punch's edge as n^-ORDER_OF_CONVERGENCE. The error of the force then falls as
-n^-ORDER_OF_CONVERGENCE.
+largest contact the element sizes are proportional to the distance from the axis, because the edges
+of smaller contacts lie there. The far size falls as 1/n, the grading outside the contact as
+n^-GRADING_EXPONENT, and the size at a punch's edge as n^-ORDER_OF_CONVERGENCE. The error of the
+force then falls as n^-ORDER_OF_CONVERGENCE.
 """
 
 from __future__ import annotations
@@ -215,7 +215,7 @@ def anisotropy_factor(decay: tuple[float, float]) -> float:
 
     A surface pressure of one wavenumber causes a displacement that decays with the depth. `decay`
     holds the slowest and the fastest rate of this decay, relative to an isotropic body. The error
-    is about proportional to the fastest rate, or to 1/(slowest rate) if that is larger.
+    is about proportional to the fastest rate, or to 1/(slowest rate) if this is larger.
     """
     slow, fast = decay
     return float(max(1 / slow, fast, 1.0) ** (1 / ORDER_OF_CONVERGENCE))

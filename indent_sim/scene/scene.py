@@ -82,8 +82,8 @@ class Scene:
     relaxation : Relaxation or None
         Relaxation of the whole body that is applied to its elastic curve.
     tip_scene : Scene or None
-        The elastic part of a soft tip under a rigid one, which is condensed as the body is; None if
-        the tip is rigid.
+        Scene of the elastic part of a soft tip below its rigid holder, which is condensed like the
+        body; None if the tip is rigid.
     """
 
     physics: ProblemDefinition
@@ -154,7 +154,7 @@ class Scene:
 
     @property
     def contact_track(self) -> TipTrack:
-        """Track of the middle of the expected contact, which under a tilted tip is not its axis."""
+        """Track of the middle of the expected contact, which a tilted tip has beside its axis."""
         return replace(self.physics.track, center=self.sizes.axis)
 
     @property
@@ -174,11 +174,11 @@ class Scene:
 
     @property
     def has_two_body_mesh(self) -> bool:
-        """True if a soft tip is on the mesh of the body, and not condensed on a mesh of its own."""
+        """True if a soft tip is on the mesh of the body and not on a separate mesh."""
         return self.tip_scene is not None and self.solver.method != "condensed"
 
     def two_body_scene(self) -> Scene:
-        """Return the scene whose domain is that of the body and of its soft tip.
+        """Return the scene whose domain consists of the body and its soft tip.
 
         The tip is a region in the units of the body, with the formulation of its own scene.
         """
@@ -198,12 +198,12 @@ class Scene:
         return gmsh.build_mesh(self.physics.domain, self.sizes)
 
     def adapt_grid(self, similar_scene: Scene, grid: Grid) -> Grid:
-        """Return the mesh of a similar scene, mapped to the body and the contact of this one.
+        """Return the mesh of a similar scene, mapped to the body and the contact of this scene.
 
         Parameters
         ----------
         similar_scene : Scene
-            A scene whose body and contact differ little from those of this one.
+            A scene whose body and contact differ little from those of this scene.
         grid : Grid
             The mesh of the similar scene.
 
@@ -233,7 +233,7 @@ class Scene:
     def theory_differences(self) -> tuple[str, ...]:
         """Return texts on the differences between this problem and that of the reference theory.
 
-        The tuple is empty if there are none.
+        The tuple is empty if there are no differences.
         """
         theory = self.plan.theory
         physics = self.physics
@@ -258,11 +258,14 @@ class Scene:
             ),
             (
                 physics.contact.may_snap_through,
-                "the attraction has a finite range, but none in the theory",
+                "the attraction has a finite range, but in the theory its range is zero",
             ),
             (
                 physics.gap == "current" and not has_plate,
-                "the gap is evaluated at the deformed point, in the theory at the undeformed one",
+                (
+                    "the gap is evaluated at the deformed point, but in the theory at the "
+                    "undeformed point"
+                ),
             ),
             (
                 physics.gap == "reference" and is_finite,
@@ -287,7 +290,7 @@ class Scene:
         return tuple(sentence for sentence in sentences if sentence)
 
     def theory_solution(self, delta: float) -> Solution | None:
-        """Return the contact of the reference theory at a depth [length]; None without a solution.
+        """Return the contact of the reference theory at a depth [length], None if it has none.
 
         Parameters
         ----------
@@ -312,14 +315,14 @@ class Scene:
 
     @property
     def exact_theory(self) -> Theory | None:
-        """The reference theory if it solves exactly this problem, else None."""
+        """The reference theory if it solves exactly this problem; None otherwise."""
         return self.plan.theory if not self.theory_differences else None
 
     def has_peak_pressure(self, a: float) -> bool:
         """True if a mesh can resolve the peak pressure of a contact of radius a [length].
 
-        It cannot if the contact ends at the edge of the tip, as under a punch, since the pressure
-        is singular there.
+        A mesh cannot resolve it if the contact ends at the edge of the tip, as under a punch, since
+        the pressure is singular at the edge.
         """
         tip = self.physics.indenter
         if (
@@ -366,6 +369,10 @@ def resolve(
     ConfigError
         If the scene is impossible, or needs more memory than this machine has.
     """
+    if config.yields and config.experiment:
+        problem = "is simulated with the load curve of a linear body, but this one yields"
+        remedy = "leave it out of runs; fit and hardness take the frame of an instrument from it"
+        raise ConfigError("experiment", problem, remedy)
     setup = set_up_problem(config, piece)
     check_soft_tip(setup)
     check_slide(setup)
@@ -487,7 +494,9 @@ def _meshed_scene(config: Config, setup: ProblemSetup, per_radius: float | None)
     choices.refuse_nodal_stress(config, has_fields=not setup.history or is_in_time)
     if setup.history and not is_in_time:
         choices.refuse_reactions(
-            config, "a history is evaluated on the elastic curve, which contains only forces"
+            config,
+            "a history is evaluated on the elastic load curve, which contains only the "
+            "forces of the tip",
         )
     elif isinstance(config.body, UnboundedBody):
         choices.refuse_reactions(
@@ -542,7 +551,7 @@ def _history_reason(all_choices: Iterable[Choice]) -> str:
 def _wall_stiffness(setup: ProblemSetup, sizes: Sizes) -> tuple[float, list[Choice]]:
     """Return the nondimensional stiffness of a curved roller wall [pressure/length] and its choice.
 
-    Only three-dimensional domains have such a wall; without one the stiffness is 0.
+    Only three-dimensional domains have such a wall; for other domains the stiffness is 0.
     """
     physics = setup.physics
     if not physics.domain.has_curved_roller:

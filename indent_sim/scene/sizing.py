@@ -82,7 +82,7 @@ def mesh_resolution(
 ) -> MeshResolution | None:
     """Return the mesh resolution for the key `accuracy`; None without a requested accuracy.
 
-    It is determined by the contacts at the smallest and the largest depth.
+    The resolution is determined by the contacts at the smallest and the largest depth.
 
     Parameters
     ----------
@@ -162,9 +162,9 @@ def _contact_state(setup: ProblemSetup, delta: float) -> tuple[float, float, flo
 def _edge_radius(setup: ProblemSetup, gap: str, has_edge_size: bool) -> float | None:
     """Return the radius of an edge at which the pressure is (nearly) singular, or None.
 
-    It is the edge of a punch, or the end of a tip that the contact reaches. A plate has no edge.
-    The edge of a punch wider than the body touches nothing. If the config then gives `h_edge`
-    (`has_edge_size`), this size applies to the edge of the body.
+    This edge is the edge of a punch, or the end of a tip if the contact reaches it. A plate has no
+    edge. The edge of a punch wider than the body is outside of the contact; if the config then
+    gives `h_edge` (`has_edge_size`), this size applies to the edge of the body.
     """
     tip = setup.physics.indenter
     a = setup.a
@@ -230,7 +230,7 @@ def sizes(
             domain.height,
             domain.max_width,
             edge,
-            domain.wall_radius or domain.top_radius,
+            domain.smallest_semi_axis,
             edge_refinement,
         )
     if setup.uses_time_stepping and domain.dim == 2 and fixed_sizes.h_contact is None:
@@ -280,7 +280,7 @@ def _default_sizes(
     # than half of the body, for which the size decreases to a tenth.
     width_excess = min(max(a / domain.max_width - 0.5, 0.0), 0.5)
     max_size = (0.25 - 0.3 * width_excess) * max(domain.height, domain.max_width)
-    if wall_radius := domain.wall_radius or domain.top_radius:
+    if wall_radius := domain.smallest_semi_axis:
         # Elements per radius of a curved wall. The polygon encloses 0.3 % less than the circle, and
         # the force of an incompressible body between roller walls changes by as much.
         elements_per_wall_radius = 8.0
@@ -331,7 +331,7 @@ def _default_sizes(
 
 
 def _tilted_contact(setup: ProblemSetup, tip: TiltedTip) -> tuple[tuple[float, ...], float]:
-    """Return the middle of the contact under a tilted tip, and its largest radius over a."""
+    """Return the middle of the contact under a tilted tip, and its largest radius divided by a."""
     shift, reach = tip.contact_patch(setup.a, setup.physics.domain.dim)
     direction = cos(tip.towards), sin(tip.towards)
     axis = tuple(
@@ -346,7 +346,8 @@ def _imported_mesh_sizes(
 ) -> Sizes:
     """Return the element sizes of an imported mesh after a number of uniform refinements.
 
-    They are the sizes of its facets in the contact and at the edge, and its longest edge.
+    These sizes are the facet sizes in the contact and at the edge, and the longest edge of the
+    mesh.
     """
     size_factor = 0.5**refinements
     a = setup.a
@@ -366,10 +367,11 @@ def _imported_mesh_sizes(
 def _edge_refinement_factor(setup: ProblemSetup, edge: float | None) -> float:
     """Return the factor by which the elements at a sharp edge are smaller because of a side wall.
 
-    It is the sensitivity of the force to the punch's radius relative to that without a wall, at
-    least 1. A narrow gap between punch and wall increases it, by up to 1 + radius/gap, if the wall
-    confines a nearly incompressible body or holds it in shear. It is 1 without a sharp edge, and 0
-    for a tip that covers the top, under which the edge of the body ends the contact.
+    The factor is the sensitivity of the force to the punch's radius relative to the sensitivity
+    without a wall, at least 1. A narrow gap between punch and wall increases it, by up to 1 +
+    radius/gap, if the wall confines a nearly incompressible body or holds it in shear. It is 1
+    without a sharp edge, and 0 for a tip that covers the top, under which the edge of the body ends
+    the contact.
     """
     physics = setup.physics
     if edge is None:

@@ -9,7 +9,7 @@ from indent_sim.scene.problem_setup import ProblemSetup
 
 
 def check_slide(setup: ProblemSetup) -> None:
-    """Raise ConfigError if a slide takes the contact off the body or off a mirror plane."""
+    """Raise ConfigError if the contact leaves the body or a mirror plane during a slide."""
     physics = setup.physics
     track = physics.track
     if track.is_point:
@@ -45,7 +45,7 @@ def check_slide(setup: ProblemSetup) -> None:
 
 
 def check_slide_sizes(setup: ProblemSetup, sizes: Sizes) -> None:
-    """Raise ConfigError if the mesh is refined at an edge of the tip, which moves as it slides."""
+    """Raise ConfigError if the mesh is refined at an edge of a sliding tip, which moves."""
     if setup.physics.slides and sizes.punch_edge is not None:
         raise ConfigError(
             "loading.slide",

@@ -1,8 +1,8 @@
 """The scene of a soft tip: its elastic lens or cylinder, upside down under a rigid tip.
 
-Body and tip are condensed separately to their contact surfaces. The tip's mesh is that of a cap
-which a plate compresses to the contact radius that is expected between tip and body, or that of a
-cylinder which is pressed over this radius.
+Body and tip are condensed separately to their contact surfaces. The tip is meshed like a cap that a
+plate compresses to the contact radius expected between tip and body, or like a cylinder that is
+pressed over this radius.
 """
 
 from __future__ import annotations
@@ -81,7 +81,7 @@ def soft_tip_config(config: Config, setup: ProblemSetup, sizes: Sizes) -> Config
     setup : ProblemSetup
         Its problem, with the expected contact radius.
     sizes : Sizes
-        The element sizes of the body, whose size in the contact the lens has, too.
+        The element sizes of the body; the lens has the same size in the contact.
     """
     lens = config.indenter.elastic_part
     assert lens is not None
@@ -140,8 +140,8 @@ def _pressed_lens(lens: Lens, setup: ProblemSetup) -> dict[str, Any]:
 def _pressed_cylinder(lens: SoftCylinder, setup: ProblemSetup, sizes: Sizes) -> dict[str, Any]:
     """Return body, tip, loading and size at the edge of a cylinder under the expected contact.
 
-    The contact with a flat body ends at the edge of the punch or of the body, that with a ball or a
-    cap inside both.
+    The contact with a flat body ends at the edge of the punch or of the body, the contact with a
+    ball or a cap ends inside both.
     """
     length = setup.physics.scales.length
     body = setup.physics.body
@@ -151,7 +151,7 @@ def _pressed_cylinder(lens: SoftCylinder, setup: ProblemSetup, sizes: Sizes) -> 
     h_edge = {} if sizes.h_edge is None else {"h_edge": sizes.h_edge * length}
     if isinstance(body, SphericalBody) and setup.a * length < lens.radius:
         a = setup.a * length
-        curvature_radius = max(body.radius * length, a * a / (MAX_APPROACH * lens.thickness))
+        curvature_radius = max(body.apex_radius * length, a * a / (MAX_APPROACH * lens.thickness))
         tip = {"shape": "paraboloid", "R": curvature_radius}
         depth = {"delta": a * a / curvature_radius}
         h_edge = {}

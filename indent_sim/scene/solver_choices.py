@@ -31,8 +31,8 @@ def solver(config: Config, setup: ProblemSetup, physics: ProblemDefinition, node
     """Choose the solution method: condensed or newton.
 
     A linear elastic body with the gap at the undeformed point is condensed to one surface
-    compliance, unless the contact law prevents it (`reason_not_condensable`). That matrix is dense,
-    so it is limited to MAX_CANDIDATES nodes.
+    compliance, unless the contact law prevents it (`reason_not_condensable`). The compliance matrix
+    is dense and therefore limited to MAX_CANDIDATES nodes.
 
     Parameters
     ----------

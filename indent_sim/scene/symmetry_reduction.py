@@ -46,7 +46,7 @@ def reduce(
         Layers and inclusions.
     slide_axis : str
         Horizontal axis, "x" or "y", along which the tip slides; empty if it does not. A plane
-        normal to it is no mirror plane.
+        normal to this axis is no mirror plane.
 
     Returns
     -------
@@ -93,7 +93,7 @@ def _is_tip_symmetric(tip: Indenter, axis: str) -> bool:
 
 
 def _are_inclusions_symmetric(regions: Regions, axis: str, c: float) -> bool:
-    """True if the plane normal to `axis` at c is a mirror plane of all inclusions together."""
+    """True if a plane normal to a horizontal axis is a mirror plane of all inclusions together."""
     inclusions = {_round_center(region.inclusion) for region in regions if region.inclusion}
     return inclusions == {
         _round_center(inclusion.mirror_image("xyz".index(axis), c)) for inclusion in inclusions
@@ -321,8 +321,8 @@ def _spherical_domain(
     reason = "axisymmetric: body and tip are rotationally symmetric about the same axis"
     if body.contacts_per_body == 2:
         reason += (
-            "; the horizontal plane through the center of the ball is a mirror plane: half of the "
-            "ball is modelled, with half of the depth"
+            f"; the horizontal plane through the center of the {body.shape} is a mirror plane: "
+            f"half of the {body.shape} is modelled, with half of the depth"
         )
     return domain, reason
 
@@ -330,17 +330,20 @@ def _spherical_domain(
 def _spherical_outline(body: SphericalBody) -> Sides:
     """Return the outline of a spherical body: base, arcs of the curved surface, and axis."""
     R = body.radius
+    c = body.half_height
     base_edge = body.base_edge
     apex = (0.0, 0.0)
     bottom = (0.0, -body.height)
-    middle = (0.0, -R)
+    middle = (0.0, -c)
     is_whole = base_edge[1] > bottom[1]
-    arc_ends = [base_edge, *([(R, -R)] if base_edge[1] < -R else []), apex]
-    base = Side("base", bottom, base_edge, center=middle if is_whole else None)
+    arc_ends = [base_edge, *([(R, -c)] if base_edge[1] < -c else []), apex]
+    base = Side(
+        "base", bottom, base_edge, center=middle if is_whole else None, stretch=body.stretch
+    )
     # The overhang of a cap may touch the flat on which it rests.
     underside = "base" if body.rests_on_flat else "top"
     curved = (
-        Side("top" if end == apex else underside, start, end, center=middle)
+        Side("top" if end == apex else underside, start, end, middle, body.stretch)
         for start, end in pairwise(arc_ends)
     )
     return base, *curved, Side("r_min", apex, bottom)
@@ -428,5 +431,5 @@ def _mirror_axes(requested_symmetry: str, symmetric_axes: list[str]) -> list[str
 
 
 def _is_centred(c: float, width: float) -> bool:
-    """True if c is in the middle of the width; both are rounded to 12 digits."""
+    """True if a coordinate is in the middle of a width; both are rounded to 12 digits."""
     return isclose(c, width / 2, rel_tol=2e-11)

@@ -138,7 +138,7 @@ def time_prediction(
 def _equilibrium_count(physics: ProblemDefinition) -> int:
     """Return the number of equilibria that the time steps of a history need.
 
-    A time step with fluid flow has two stages, an instantaneous increment has one.
+    A time step with fluid flow has two stages; an instantaneous increment has one stage.
     """
     t = 0.0
     count = 0
@@ -168,7 +168,7 @@ def _relaxation_times(setup: ProblemSetup, physics: ProblemDefinition) -> list[f
 
 @dataclass(frozen=True)
 class _LimitTransition:
-    """Transition of a body from its first elastic limiting case to its last one.
+    """Transition of a body from its first to its last elastic limiting case.
 
     Attributes
     ----------
@@ -181,7 +181,7 @@ class _LimitTransition:
         Fraction (F - F_last)/(F_first - F_last) at the end of loading, and at the end of the
         history; None if unknown.
     force_ratio
-        Force in the first limit divided by that in the last limit, at the same depth.
+        Force in the first limit divided by the force in the last limit, at the same depth.
     """
 
     first_limit: tuple[str, Callable[[Material], Material]]
@@ -338,7 +338,7 @@ def _relaxation_transition(
 def _ramp_fraction(x: float) -> float:
     """Return int_0^1 exp(-x (1 - s)) d(s^1.5) for a ramp that lasts x relaxation times.
 
-    It is the fraction of a Prony term's force that remains at the end of the ramp.
+    The integral is the fraction of a Prony term's force that remains at the end of the ramp.
     """
     # Number of points of the midpoint rule for the integral over a ramp.
     ramp_points = 1000
@@ -349,7 +349,7 @@ def _ramp_fraction(x: float) -> float:
 def _limit_value(setup: ProblemSetup, law: Callable[[Material], Material]) -> float | None:
     """Return the largest force, or the depth at the largest force, in a limiting case.
 
-    The value is in the user's units; it is None if no theory exists. The function `law` maps a
+    The value is in the user's units, or None if no theory exists. The function `law` maps a
     material to its elastic law in this limit.
     """
     assert setup.history is not None

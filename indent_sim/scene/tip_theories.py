@@ -96,8 +96,8 @@ TIP_THEORIES: dict[type, TipTheory] = {
 def theory_tip_shape(tip: Indenter, dim: int = 3) -> profiles.Tip | None:
     """Return the axisymmetric shape of a tip for layer theory; None if there is no shape.
 
-    A tilted tip has that of the upright tip with equal sections, in plane strain (`dim` 2) with
-    equal widths.
+    A tilted tip has the shape of the upright tip with sections of equal area, or of equal width in
+    plane strain (`dim` 2).
     """
     if isinstance(tip, TiltedTip):
         equivalent = tip.equivalent_tip(dim)

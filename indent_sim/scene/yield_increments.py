@@ -1,7 +1,8 @@
 """Load increments of a body that yields for a requested accuracy.
 
-The force of backward Euler is too small in first order in the increments, relative to the depth
-(`YIELD_INCREMENT_ERROR`). Between two rows the depth therefore grows by a constant factor.
+With backward Euler the force is too small by an amount that is proportional to the increments
+relative to the depth (`YIELD_INCREMENT_ERROR`). Between two rows the depth therefore grows by a
+constant factor.
 """
 
 from __future__ import annotations

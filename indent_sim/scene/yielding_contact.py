@@ -59,8 +59,8 @@ class YieldingContact:
     area : callable
         Contact area of a contact radius [length^2], in plane strain the width [length].
     is_published : bool
-        True if the functions of Dao et al. hold for this body but for the constants of its material
-        and the friction: a sharp cone on a homogeneous half-space at finite strain.
+        True if the functions of Dao et al. are for this tip and body: a sharp cone on a homogeneous
+        half-space at finite strain. Friction and the constants of the material are not considered.
     """
 
     solid: YieldingSolid
@@ -81,7 +81,8 @@ class YieldingContact:
     def radius(self, delta: float) -> float:
         """Return the expected contact radius at a depth [length].
 
-        Below flat tips, and in layers that are thinner than the contact, it is the elastic one.
+        Below flat tips, and in layers that are thinner than the contact, the radius of the elastic
+        contact is returned.
         """
         elastic = self.elastic_radius(delta)
         if delta <= 0 or elastic > self.thickness or elastic >= max_radius(self.tip):
@@ -96,9 +97,9 @@ class YieldingContact:
         return max(elastic, min(a, self.rim, max_radius(self.tip)))
 
     def force(self, delta: float) -> float:
-        """Return the expected force at a depth [pressure length^2], at most the elastic one.
+        """Return the expected force at a depth [pressure length^2], at most the elastic force.
 
-        It is infinite, which is unknown, if the tip touches the whole top.
+        If the tip touches the whole top, the force is not known, and infinity is returned.
         """
         if delta <= 0:
             return 0.0
@@ -109,7 +110,7 @@ class YieldingContact:
         return min(plastic, self.elastic_force(delta))
 
     def elastic_force(self, delta: float) -> float:
-        """Return the force of an elastic body at a depth; infinite if it is not known."""
+        """Return the force of an elastic body at a depth; infinite if the force is not known."""
         solution = self.theory.solution_at_depth(delta) if self.theory else None
         if solution:
             return solution.force
@@ -117,7 +118,7 @@ class YieldingContact:
         return formula[1] if formula else inf
 
     def depth_of_force(self, force: float, start: float) -> float | None:
-        """Return the expected depth [length] of a force; None if it is not reached.
+        """Return the expected depth [length] of a force; None if the force is not reached.
 
         The search begins at the depth `start`.
         """
@@ -132,8 +133,8 @@ class YieldingContact:
     def onset(self) -> Onset | None:
         """The contact at the onset of yield; None if it is not known.
 
-        It is known for round tips on a layer that is thick compared with the contact. Under a sharp
-        tip the body yields from the first contact on.
+        The onset is known for round tips on a layer that is thick compared with the contact. Under
+        a sharp tip the body yields from the first contact on.
         """
         if self.is_sharp:
             return Onset(0.0, 0.0, 0.0)
@@ -153,13 +154,13 @@ class YieldingContact:
         return self.solid.dao_curvature() if self._dao_holds else None
 
     def published_stiffness(self) -> float | None:
-        """Return the unloading stiffness over the depth [pressure] by Dao et al., or None."""
+        """Return unloading stiffness/depth [pressure] by Dao et al.; None if not valid."""
         n = self.solid.power_law_exponent
         return self.solid.dao_stiffness(n) if self._dao_holds and n is not None else None
 
     @property
     def _dao_holds(self) -> bool:
-        """True if the functions of Dao et al. hold for this body without friction."""
+        """True if the functions of Dao et al. are valid for this body without friction."""
         if not self.is_published or not isinstance(self.tip, Cone):
             return False
         return not self.solid.dao_obstacle(float(self.tip.half_angle))
@@ -183,8 +184,8 @@ def yielding_contact(
 ) -> YieldingContact | None:
     """Return the expected contact if the first layer of a body yields below a tip, else None.
 
-    It is not known for a plate and for a mesh from a file. `is_half_space` is true if the body
-    stands for a half-space; other parameters as in `expected_radius`.
+    The contact is not known for a plate and for a mesh from a file. `is_half_space` is true if the
+    body represents a half-space; the other parameters are those of `expected_radius`.
     """
     material = layers[0].material
     if material is None or material.plasticity is None or isinstance(body, ImportedBody):

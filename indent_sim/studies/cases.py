@@ -137,7 +137,7 @@ class RejectedCase:
     error
         The error of the scene.
     quantities
-        Quantities with a unit among the values; empty if one of them is invalid.
+        Quantities with a unit among the values; empty if one of these quantities is invalid.
     """
 
     index: int
@@ -254,7 +254,7 @@ class CaseBuilder:
         return Case(index, labels, planned_run, planned_run.identity)
 
     def quantities(self, request: RunRequest) -> Quantities:
-        """Return the quantities of a request in its scene's units; {} if one of them is invalid."""
+        """Return the quantities of a request in its scene's units; {} if a quantity is invalid."""
         try:
             return quantities_of(request.base, (*self._common_settings, *request.point))
         except ConfigError:

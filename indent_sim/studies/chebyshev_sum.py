@@ -76,7 +76,7 @@ def _polynomials(x: np.ndarray, degree: int) -> np.ndarray:
     return values[: degree + 1]
 
 
-def index_tuples(degrees: Sequence[int]) -> np.ndarray:
+def index_tuples(degrees: Sequence[float]) -> np.ndarray:
     """Return the index tuples k with sum k_j / degrees_j <= 1, in lexicographic order."""
     # Tolerance for the round-off of the sum.
     tolerance = 1e-9

@@ -50,7 +50,7 @@ _Term = Callable[[Numbers], Any]
 
 
 class ConditionError(ValueError):
-    """A text is not a condition; the message tells what is wrong with it."""
+    """Error: a text is not a condition; the message describes the error in the text."""
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ class Condition:
     _comparisons: tuple[str, ...]
 
     def holds(self, numbers: Numbers) -> Any:
-        """Return whether the condition holds; it does not if one of its terms is not finite."""
+        """Return whether the condition holds; False if one of its terms is not finite."""
         with np.errstate(all="ignore"):
             values = [term(numbers) for term in self._terms]
         pairs = zip(self._comparisons, values[:-1], values[1:], strict=True)
@@ -81,7 +81,7 @@ class Condition:
 
 
 def parse_condition(text: str) -> Condition:
-    """Parse a condition; raise ConditionError if the text is not one."""
+    """Parse a condition; raise ConditionError if the text is not a condition."""
     if len(text) > MAX_LENGTH:
         raise ConditionError(f"is longer than {MAX_LENGTH} characters")
     parser = _Parser(_tokens(text))
@@ -98,7 +98,7 @@ def parse_condition(text: str) -> Condition:
 
 
 def _tokens(text: str) -> list[str]:
-    """Return the numbers, keys and signs of a text."""
+    """Split a text into tokens: numbers, keys and signs."""
     tokens = []
     position = 0
     while position < len(text.rstrip()):
@@ -118,7 +118,7 @@ class _Parser:
         self.keys: list[str] = []
 
     def next_is(self, *signs: str) -> bool:
-        """Return whether the next token is one of some signs."""
+        """Return whether the next token is one of the given signs."""
         return bool(self.tokens) and self.tokens[0] in signs
 
     def take(self) -> str:

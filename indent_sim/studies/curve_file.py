@@ -5,6 +5,8 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from math import isnan
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +23,7 @@ RowWithCurve = tuple[Row, np.ndarray]
 
 
 class CurveWriter:
-    """Writer of curves.h5, and of curves.csv instead if there are few rows."""
+    """Writer of curves.h5, or of curves.csv if there are few rows."""
 
     def __init__(self, directory: Path):
         import h5py
@@ -49,7 +51,7 @@ class CurveWriter:
             self._flush()
 
     def finish(self, keys: Sequence[str], rows: Callable[[], Iterator[RowWithCurve]]) -> None:
-        """Give the file its name, or write curves.csv instead."""
+        """Give curves.h5 its final name, or write curves.csv instead."""
         self._flush()
         self._file.close()
         # With more rows in all curves together, curves.h5 is written instead of curves.csv.
@@ -64,7 +66,9 @@ class CurveWriter:
 
     def abandon(self) -> None:
         """Delete an unfinished file."""
-        self._file.close()
+        # On a full disk the file cannot be closed.
+        with suppress(OSError, RuntimeError):
+            self._file.close()
         self._new_path.unlink(missing_ok=True)
 
     def _flush(self) -> None:
@@ -88,7 +92,7 @@ class CurveWriter:
 
 
 def read_curves(folder: Path, runs: Mapping[int, str]) -> list[np.ndarray]:
-    """Read the depths and forces of some runs; each (rows, 2).
+    """Read the depths and forces of some runs; each array is (rows, 2).
 
     Parameters
     ----------
@@ -136,7 +140,7 @@ def _csv_lines(keys: Sequence[str], rows: Iterator[RowWithCurve]) -> Iterator[st
         text = io.StringIO()
         writer = csv.writer(text, lineterminator="\n")
         values = [study_table.cell_text(row[name]) for name in columns]
-        for step, *numbers in curve.tolist():
-            cells = ["" if number != number else repr(number) for number in numbers]
-            writer.writerow([*values, int(step), *cells])
+        for numbers in curve:
+            cells = ["" if isnan(number) else repr(float(number)) for number in numbers[1:]]
+            writer.writerow([*values, int(numbers[0]), *cells])
         yield text.getvalue()

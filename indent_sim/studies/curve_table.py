@@ -82,7 +82,7 @@ class CurveGroups:
         return [number_and_unit(curve.values[key])[0] for curve in self.curves]
 
     def key_unit(self, key: str) -> str:
-        """Return the unit of a numeric key; "" for plain numbers."""
+        """Return the unit of a numeric key; "" for numbers without a unit."""
         return self._key_units(key).pop() or ""
 
     def _key_units(self, key: str) -> set[str | None]:
@@ -90,13 +90,13 @@ class CurveGroups:
 
 
 def distinguishing_labels(values: Sequence[object]) -> list[str]:
-    """Return the values of a varied key as text; of sections only the entries that differ."""
+    """Return the values of a varied key as text; for sections only the entries that differ."""
     shared_entries = _common_entries(values)
     return [_value_label("", value, shared_entries).strip() for value in values]
 
 
 def _value_label(name: str, value: object, common_entries: Collection[str]) -> str:
-    """Return a key and its value as text; of a section the common entries are left out."""
+    """Return a key and its value as text; for a section, the common entries are omitted."""
     section = _parse_section(value)
     if section is None:
         return f"{name} {value if isinstance(value, str) else short_yaml(value)}"
@@ -126,7 +126,7 @@ def _common_entries(values: Sequence[object]) -> list[str]:
 
 
 def _parse_section(value: object) -> Mapping[str, object] | None:
-    """Return a value that is a section, or the YAML text of one; None for any other value."""
+    """Return a value that is a section or the YAML text of a section; None for any other value."""
     if isinstance(value, str) and value.startswith("{"):
         with suppress(IndentSimError):
             value = parse(value)[0]
@@ -134,7 +134,7 @@ def _parse_section(value: object) -> Mapping[str, object] | None:
 
 
 def number_and_unit(value: object) -> tuple[float, str | None]:
-    """Return a value as a number and its unit, "" if plain; (nan, None) for other text."""
+    """Return a value as a number and its unit ("" without a unit); (nan, None) for other text."""
     if isinstance(value, StiffnessMultiple):
         return value.factor, STIFFNESS_UNIT
     if isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value):
@@ -146,7 +146,7 @@ def number_and_unit(value: object) -> tuple[float, str | None]:
 def rows(
     cases: Sequence[Case], keys: Sequence[str], results_by_id: Mapping[str, Results]
 ) -> list[Row]:
-    """Return the rows of curves.csv: run, varied keys, then `CURVE_COLUMNS`; None where unknown."""
+    """Return the rows of curves.csv: run, varied keys and `CURVE_COLUMNS`; None if unknown."""
     table_rows: list[Row] = []
     for case, results in (
         (case, results_by_id[case.id]) for case in cases if case.id in results_by_id

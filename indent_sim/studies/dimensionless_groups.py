@@ -20,7 +20,7 @@ class Groups:
     Attributes
     ----------
     varied
-        Powers of the keys in each group that varies; a dimensionless key is a group of its own.
+        Powers of the keys in each group that varies; a dimensionless key is a group by itself.
     constant
         Powers of the keys in each group that is the same in all runs.
     scale
@@ -86,7 +86,7 @@ def _power_text(key: str, power: Fraction) -> str:
 
 
 def _preferred_order(dimensions: Mapping[str, Dimension]) -> list[str]:
-    """Return the keys in the order of their elimination: moduli, sizes of the tip, others."""
+    """Return the keys in the order of their elimination: moduli, tip sizes, all other keys."""
 
     def rank(key: str) -> int:
         _, force, time = dimensions[key]
@@ -119,7 +119,7 @@ def _rank(vectors: Sequence[Vector]) -> int:
 
 
 def _solve(basis: Sequence[Vector], target: Vector) -> list[Fraction]:
-    """Return the coefficients of a vector in an independent basis; ValueError if it has none."""
+    """Return the coefficients of a vector in an independent basis, or raise ValueError."""
     # Gauss-Jordan elimination of the equations sum_i c_i basis_i = target, one per dimension.
     rows = [[*(vector[i] for vector in basis), target[i]] for i in range(len(target))]
     for column in range(len(basis)):

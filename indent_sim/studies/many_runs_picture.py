@@ -22,8 +22,9 @@ from indent_sim.studies.small_multiples import (
     value_ratio,
 )
 
-# Quantiles of the runs between which the bands are drawn.
-BANDS = ((0.01, 0.99), (0.1, 0.9), (0.25, 0.75))
+# Quantiles of the runs between which the bands are drawn, with the strength of their colour. The
+# colours are opaque, so that those of the legend are those of the bands.
+BANDS = ((0.01, 0.99, 0.2), (0.1, 0.9, 0.45), (0.25, 0.75, 0.75))
 
 
 def draw_pictures(folder: Path) -> None:
@@ -82,16 +83,22 @@ def draw_bands_into(axes: Axes, runs: ManyRuns) -> None:
     first_depth = max(curve[0, 0] / curve[-1, 0] for curve in curves)
     depths = np.linspace(first_depth, 1.0, 41)
     forces = np.array([np.interp(depths * curve[-1, 0], *curve.T) for curve in curves])
-    for number, (low, high) in enumerate(BANDS):
+    for low, high, strength in BANDS:
         lower, upper = np.quantile(forces, (low, high), axis=0)
-        name = f"{100 * (high - low):.0f} % of the runs"
-        style = {"color": figures.COLOURS[0], "alpha": 0.15 + 0.15 * number, "lw": 0}
-        axes.fill_between(depths, lower, upper, label=name, **style)
+        name = f"{100 * (high - low):.0f} % of runs"
+        axes.fill_between(depths, lower, upper, label=name, color=_tint(strength), lw=0)
     axes.plot(depths, np.median(forces, axis=0), color=figures.INK, label="median")
     axes.set(xlabel="depth / last depth of the run", ylabel=runs.result_label)
     if forces.min() > 0 and value_ratio(forces[:, -1]) >= LOG_RESULT_RATIO:
         axes.set_yscale("log")
     figures.draw_legend_under(axes)
+
+
+def _tint(strength: float) -> tuple[float, ...]:
+    """Return a mixture of white and the first colour, of which `strength` is the share."""
+    from matplotlib.colors import to_rgb
+
+    return tuple(1 - strength * (1 - part) for part in to_rgb(figures.COLOURS[0]))
 
 
 def has_curves(runs: ManyRuns) -> bool:
@@ -118,7 +125,7 @@ def draw_samples(runs: ManyRuns, path: Path) -> None:
     if count < 2:
         path.unlink(missing_ok=True)
         return
-    colours, scale = number_colours(runs.values.tolist())
+    colours, scale = number_colours([float(value) for value in runs.values])
     # Width and height of a panel [inches].
     panel_size = 2.1
     size = panel_size * (count - 1)
@@ -138,7 +145,7 @@ def draw_samples(runs: ManyRuns, path: Path) -> None:
                 (x, axes.set_xscale, axes.xaxis),
                 (y, axes.set_yscale, axes.yaxis),
             ):
-                if value_ratio(numbers) >= LOG_NUMBER_RATIO:
+                if _is_logarithmic(numbers):
                     set_scale("log")
                     set_plain_log_ticks(axis, value_ratio(numbers))
             if j == count - 1:
@@ -153,8 +160,8 @@ def draw_samples(runs: ManyRuns, path: Path) -> None:
 def draw_maps(runs: ManyRuns, path: Path, dpi: float | None = None) -> bool:
     """Draw the result over the two most influential keys, in panels for thirds of two others.
 
-    The colour of a rectangle is the median of the runs in it; one without runs is white. Return
-    False, without a picture, if fewer than two numbers vary.
+    The colour of a rectangle shows the median of the runs in it; a rectangle without runs is white.
+    Return False, without a picture, if fewer than two numbers vary.
     """
     keys = runs.varying_keys
     if len(keys) < 2:
@@ -168,7 +175,7 @@ def draw_maps(runs: ManyRuns, path: Path, dpi: float | None = None) -> bool:
     # Number of rectangles in each direction, such that most of them contain several runs.
     fields = int(np.clip(np.sqrt(len(runs.values) / len(columns) / len(rows) / 4), 3, 24))
     edges = [_edges(runs.keys[key], fields) for key in (across, up)]
-    _, scale = number_colours(runs.values.tolist())
+    _, scale = number_colours([float(value) for value in runs.values])
     panel_size = 2.3
     figure_size = (panel_size * len(columns) + 1.6, panel_size * len(rows) + 1.0)
     with figures.new_figure(figure_size) as figure:
@@ -242,9 +249,20 @@ def _thirds(values: np.ndarray) -> list[tuple[np.ndarray, str]]:
 
 def _edges(values: np.ndarray, fields: int) -> np.ndarray:
     """Return the edges of the rectangles over a key."""
-    is_log = value_ratio(values) >= LOG_NUMBER_RATIO
-    edges = (np.geomspace if is_log else np.linspace)(values.min(), values.max(), fields + 1)
-    return np.asarray(edges)
+    spacing = np.geomspace if _is_logarithmic(values) else np.linspace
+    return np.asarray(spacing(values.min(), values.max(), fields + 1))
+
+
+def _is_logarithmic(values: np.ndarray) -> bool:
+    """Return whether an axis is logarithmic: the values cover decades, and do so evenly.
+
+    Values that are spaced linearly from nearly 0 on cover decades, too, but their median is in the
+    middle of a linear axis.
+    """
+    if value_ratio(values) < LOG_NUMBER_RATIO:
+        return False
+    low, high = float(values.min()), float(values.max())
+    return bool(np.median(values) ** 2 < np.sqrt(low * high) * (low + high) / 2)
 
 
 def _field_medians(
@@ -269,6 +287,6 @@ def _scale_axes(axes: Axes, edges: Sequence[np.ndarray]) -> None:
     for edge, set_scale, axis in zip(
         edges, (axes.set_xscale, axes.set_yscale), (axes.xaxis, axes.yaxis), strict=True
     ):
-        if value_ratio(edge) >= LOG_NUMBER_RATIO:
+        if _is_logarithmic(edge):
             set_scale("log")
             set_plain_log_ticks(axis, value_ratio(edge))

@@ -85,7 +85,7 @@ class RunRow:
     Attributes
     ----------
     settings
-        Checksum of the scene's document with its settings, by which a row is found at once.
+        Checksum of the scene's document with its settings, by which a row is found quickly.
     physics
         Checksum of the physics (`PlannedRun.identity`), 0 if the scene is invalid.
     cells
@@ -101,7 +101,7 @@ class RunRow:
 
 
 class RowFile:
-    """Row file that is open for reading; rows that were not completed are left out."""
+    """Row file that is open for reading; incomplete rows are omitted."""
 
     def __init__(self, path: Path):
         self.path = path
@@ -126,7 +126,7 @@ class RowFile:
         return is_finished
 
     def column(self, name: str) -> np.ndarray:
-        """Return the values (rows,) of a column in all complete rows; NaN where a row has none."""
+        """Return the values (rows,) of a column in all complete rows; NaN for empty cells."""
         return np.array(self._maps["rows"][name][self.numbers])
 
     def read(self, number: int) -> RunRow:
@@ -146,13 +146,13 @@ class RowFile:
         return RunRow(fields["settings"], fields["physics"], cells, curve)
 
     def _text(self, fields: Mapping[str, Any], name: str) -> bytes:
-        """Return one text of a row; empty if its position is outside the file."""
+        """Return a text that is stored for a row; empty if its position is outside the file."""
         start = fields[f"{name}_start"]
         return self._maps["texts"][start : start + fields[f"{name}_length"]].tobytes()
 
 
 class RowWriter:
-    """Writer of a row file, which holds a lock; a context manager.
+    """Writer of a row file, which holds a lock on the file; a context manager.
 
     Parameters
     ----------
@@ -198,7 +198,7 @@ class RowWriter:
             self._close()
 
     def append(self, row: RunRow) -> None:
-        """Append a row; once this returns, the row survives a kill of the process."""
+        """Append a row; after this method has returned, the row survives a kill of the process."""
         with defer_signals():
             self._append_row(row)
 
@@ -227,7 +227,7 @@ class RowWriter:
         os.fsync(self._descriptor)
 
     def _text_place(self, text: bytes) -> int:
-        """Return the position of a text in the file; append it if it is not there yet."""
+        """Return the position of a text in the file; append the text if the file lacks it."""
         if text in self._text_places:
             return self._text_places[text]
         place = self._append("texts", np.frombuffer(text, np.uint8))
@@ -333,7 +333,7 @@ class RowIndex:
         return len(self._number_of_row)
 
     def find(self, settings: int) -> RunRow | None:
-        """Return the row with the given settings, or None."""
+        """Return the row with the given settings; None if there is no such row."""
         return self._find("settings", settings, is_finished=False)
 
     def find_finished(self, settings: int) -> bool:
@@ -341,7 +341,7 @@ class RowIndex:
         return self._position("settings", settings, is_finished=True) is not None
 
     def find_physics(self, physics: int) -> RunRow | None:
-        """Return a finished row of the same physics, or None."""
+        """Return the row of a finished run with the same physics; None if there is no such row."""
         return self._find("physics", physics, is_finished=True)
 
     def settings_of(self, physics: int) -> set[int]:
@@ -368,7 +368,7 @@ class RowIndex:
         return self._files[self._file_of_row[position]].read(int(self._number_of_row[position]))
 
     def _position(self, name: str, key: int, is_finished: bool) -> int | None:
-        """Return the position of the last row with a key; None if there is none."""
+        """Return the position of the last row with a key; None if no row has the key."""
         keys = self._keys[name]
         end = int(np.searchsorted(keys, np.uint64(key), side="right"))
         if not end or keys[end - 1] != key:
@@ -390,12 +390,12 @@ def is_failure_of_machine(exit_code: int, reason: str) -> bool:
 
 
 def _joined(parts: Iterable[np.ndarray], dtype: Any) -> np.ndarray:
-    """Return arrays as one array; an empty one if there are none."""
+    """Return arrays joined into one array, which is empty for no arrays."""
     return np.concatenate([np.empty(0, dtype), *parts]).astype(dtype)
 
 
 def _create_file(path: Path, capacities: Mapping[str, int]) -> None:
-    """Create a file with empty datasets; it gets its name only when it is complete."""
+    """Create a file with empty datasets; it gets its final name only when it is complete."""
     import h5py
 
     new_path = path.with_name(f".{path.name}.empty")
@@ -476,7 +476,7 @@ def _content_checksum(curve: np.ndarray, texts: Iterable[bytes]) -> int:
 
 
 def _text_bytes(value: object) -> bytes:
-    """Return a text of a row as bytes; the end of a very long one is left out."""
+    """Return a text of a row as bytes, without the end of a very long text."""
     return ("" if value is None else str(value)).encode("utf-8", "replace")[:_MAX_TEXT_BYTES]
 
 

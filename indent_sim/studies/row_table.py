@@ -30,7 +30,7 @@ from indent_sim.studies.study_table import Row
 
 @dataclass
 class RowCounts:
-    """Numbers of rows of a study by their status, and of curve rows and points left out."""
+    """Numbers of rows of a study by their status, and of omitted curve rows and points."""
 
     done: int = 0
     failed: int = 0
@@ -88,7 +88,7 @@ class RowTable:
             yield row, empty if found is None else found.curve
 
     def _find(self, request: RunRequest) -> RunRow | None:
-        """Return the row of a request; None if it has not been computed, or is damaged."""
+        """Return the row of a request; None if the row has not been computed or is damaged."""
         try:
             return self._index.find(self._checksum(request))
         except UsageError:

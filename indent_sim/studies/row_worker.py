@@ -62,7 +62,7 @@ class FinishedBatch:
     known
         Settings and physics of the rows that were not computed.
     has_meshes
-        True if a scene was meshed: the libraries keep some memory of each.
+        True if a scene was meshed; the libraries then keep some memory.
     folder_count
         Number of result folders that were written.
     """

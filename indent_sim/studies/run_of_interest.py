@@ -1,4 +1,4 @@
-"""One run of a study, repeated on its own with a result folder."""
+"""A single run of a study, repeated with a result folder."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def _find_case(study: StudyFile, directory: Path, name: str) -> Case:
 
 
 def _candidates(study: StudyFile, directory: Path, name: str) -> Iterator[tuple[int, RunRequest]]:
-    """Yield the requests, with their indices, one of which may be the run with this name."""
+    """Yield the requests, with their indices, that may be the run with the given name."""
     requests = enumerate(study.iterate_requests())
     if _is_number(name):
         yield from islice(requests, max(0, int(name) - 1), max(0, int(name)))

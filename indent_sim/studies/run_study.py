@@ -72,9 +72,9 @@ def execute_study(
     Raises
     ------
     UsageError, ConfigError, BackendError
-        Before any run.
+        If an error is found before the first run.
     NotConverged
-        No run gave a result.
+        If no run gave a result.
     """
     study = study_file.read(study_input)
     if gather and (shard is not None or overwrite):

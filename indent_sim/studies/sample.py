@@ -123,13 +123,13 @@ def scrambled_blocks(dimension: int, seed: int) -> Iterator[np.ndarray]:
 
 
 def _values(sampled: SampledRange, fractions: np.ndarray) -> list[float | StiffnessMultiple]:
-    """Return the values of a sampled key, with the same rounding as those of other ranges."""
+    """Return the values of a sampled key, rounded like those of ranges that are not sampled."""
     values = [float(f"{value:.12g}") for value in sampled.values_at(fractions).tolist()]
     return [StiffnessMultiple(value) for value in values] if sampled.is_stiffness else list(values)
 
 
 def read_sample(section: Mapping[str, Any], source: Source) -> Sample:
-    """Read the section `sample` of a study; raise ConfigError for an invalid one."""
+    """Read the section `sample` of a study; raise ConfigError if it is invalid."""
     if unknown := [key for key in section if key not in SAMPLE_KEYS]:
         raise _sample_error(
             unknown[0], source, "unknown key", f"the keys of a sample are {', '.join(SAMPLE_KEYS)}"

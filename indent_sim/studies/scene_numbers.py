@@ -37,7 +37,7 @@ class SceneNumbers:
         return condition.holds({key: self.number(key, point) for key in condition.keys})
 
     def number(self, key: str, point: ParameterPoint) -> float:
-        """Return the number of a key at a point; raise ConfigError if it has none."""
+        """Return the number of a key at a point; raise ConfigError if the key has no number."""
         value = self._value(key, (*self._common_settings, *point))
         if isinstance(value, (int, float)) and not isinstance(value, bool):
             return float(value)
@@ -53,7 +53,7 @@ class SceneNumbers:
         raise ConfigError(key, problem, remedy, *self._source.location(key_path(key)))
 
     def _value(self, key: str, settings: Sequence[Setting]) -> Any:
-        """Return the value of a key from its last setting, or from that of a section around it."""
+        """Return the value of a key from its last setting, or from that of a section above it."""
         path = key_path(key)
         for set_key, value, _ in reversed(settings):
             set_path = key_path(set_key)
@@ -63,7 +63,7 @@ class SceneNumbers:
 
 
 def _entry(value: Any, path: Sequence[str | int]) -> Any:
-    """Return the entry of nested mappings and lists at a path; None if there is none."""
+    """Return the entry of nested mappings and lists at a path; None if there is no such entry."""
     for part in path:
         if isinstance(value, Mapping):
             value = value.get(part)

@@ -15,8 +15,9 @@ from indent_sim.studies.study_file import RunRequest, StudyFile
 class SettingsChecksum:
     """Checksum of the scene's document and of the settings that change it.
 
-    The same settings give the same physics; other settings may do so, too. Titles and outputs do
-    not affect it. A file that the scene names counts with its size and the time of its last change.
+    Equal settings give equal physics; different settings may give equal physics, too. Titles and
+    outputs do not affect it. A file that the scene names counts with its size and the time of its
+    last change.
     """
 
     def __init__(self, study: StudyFile):
@@ -42,7 +43,7 @@ class SettingsChecksum:
         return int.from_bytes(checksum.digest()[:8], "little")
 
     def _file_state(self, name: Any) -> list[int]:
-        """Return size and time of the last change of a file; empty without one."""
+        """Return size and time of the last change of a file; an empty list if it does not exist."""
         if not isinstance(name, str):
             return []
         try:
@@ -53,7 +54,7 @@ class SettingsChecksum:
 
 
 def _body_file(key: str, value: Any) -> Any:
-    """Return the name of the mesh file that a setting gives, or None."""
+    """Return the name of the mesh file that a setting contains; None if it contains none."""
     if key == "body" and isinstance(value, dict):
         return value.get("file")
     return value if key == "body.file" else None

@@ -94,7 +94,7 @@ def compute_rows(
     lock
         Descriptor of the lock file, which the processes keep open.
     tell
-        Called with each line of progress.
+        Function that is called with each line of progress.
     """
     require_hdf5("a study without folders for its runs")
     rows_folder = directory / ROWS_FOLDER
@@ -198,7 +198,7 @@ class _ShardExecution:
             self._tell(f"{known_count} rows had been computed before")
 
     def _next_rows(self, pending: Iterator[RequestedRow]) -> Sequence[RequestedRow]:
-        """Return the rows of the next batch; empty if there are none."""
+        """Return the rows of the next batch to be computed; empty if there are none."""
         if self._single_rows:
             return [self._single_rows.popleft()]
         return list(itertools.islice(pending, self._batch_size))
@@ -251,7 +251,10 @@ class _ShardExecution:
         self._done_count += 1
 
     def _append_known(self, settings: int, physics: int) -> None:
-        """Append a copy of a row with the same physics, under other settings."""
+        """Append the row of a run whose physics was already computed with other settings.
+
+        It is a copy of the row that was computed. The checksums are those of `RunRow`.
+        """
         row = self._index.find_physics(physics)
         assert row is not None
         self._writer.append(RunRow(settings, physics, row.cells, row.curve))

@@ -67,7 +67,7 @@ class KeyRoles:
 
 
 def assign_roles(curve_groups: CurveGroups) -> KeyRoles:
-    """Return the role of each varied key, by its number of values.
+    """Return the role of each varied key, which depends on the number of its values.
 
     The numeric key with the most values is shown by colour, since a colour bar can show any number
     of values. The other keys are assigned to columns, rows and dash patterns in the order of their
@@ -514,7 +514,7 @@ def draw_column_into(axes: Axes, curve_groups: CurveGroups, column: str) -> None
     if len(panel_keys) > 1:
         keys = ", ".join(key for keys in panel_keys for key in keys)
         raise UsageError(
-            f"ax is one panel, but {column} needs {len(panel_keys)}: over {keys}",
+            f"ax is one panel, but {column} needs {len(panel_keys)} panels, over the keys {keys}",
             "leave out the argument ax",
         )
     _draw_column([axes], curve_groups, column, panel_keys)
@@ -551,7 +551,7 @@ def _draw_column(
     column: str,
     panel_keys: Sequence[tuple[str, ...]],
 ) -> None:
-    """Draw a column into its panels: a map, or points over a varied number in each panel."""
+    """Draw a table column into its panels: a map, or points over one varied number per panel."""
     values, label = representative_values(curve_groups, column)
     if len(panel_keys[0]) == 2:
         draw_map(panels[0], curve_groups, panel_keys[0], values, label)

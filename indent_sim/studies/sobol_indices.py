@@ -33,7 +33,7 @@ class SobolIndices:
     total
         Share of the variance that a variable causes alone or together with others.
     error
-        Half-width of the 95 % interval of both.
+        Half-width of the 95 % intervals of both indices.
     """
 
     first: np.ndarray
@@ -44,7 +44,7 @@ class SobolIndices:
 def sobol_indices(function: Function, dimension: int) -> SobolIndices:
     """Return the Sobol indices of a function of points (rows, dimension) of the unit cube.
 
-    They are estimated with the formulas of Saltelli (first) and Jansen (total).
+    The indices are estimated with the formulas of Saltelli (first) and Jansen (total).
     """
     estimates = np.array([_estimate(function, dimension, seed) for seed in range(REPLICATES)])
     first, total = estimates.mean(axis=0)
@@ -55,7 +55,7 @@ def sobol_indices(function: Function, dimension: int) -> SobolIndices:
 def indices_of_study(study: StudyFile, surrogate: Surrogate) -> dict[str, dict[str, float]]:
     """Return the Sobol indices of a surrogate over the ranges of a sampled study, by key.
 
-    The error includes that of the surrogate.
+    The error includes the error of the surrogate.
 
     Raises
     ------

@@ -167,7 +167,7 @@ class StudyFile:
 
     @property
     def keeps_all_runs(self) -> bool:
-        """True if every run has a result folder; otherwise a row without a folder suffices."""
+        """True if every run has a result folder; otherwise a row without a folder is sufficient."""
         if self.run_folders != "auto":
             return self.run_folders == "all"
         needs_results = self.is_compared or bool(self.named_cases)
@@ -563,7 +563,7 @@ class _StudyReader:
         return tuple(blocks)
 
     def read_sample(self) -> Sample | None:
-        """Return the sample of the study without its ranges; None for grids."""
+        """Return the sample of the study without its ranges; None if the study is not sampled."""
         if "sample" not in self.document:
             return None
         return read_sample(self.read_section("sample"), self.source)
@@ -596,7 +596,7 @@ class _StudyReader:
         return str(folders)
 
     def check_run_folders(self, study: StudyFile) -> None:
-        """Raise ConfigError if a study without result folders requests what needs them."""
+        """Raise ConfigError if a study without result folders requests something that needs one."""
         if study.keeps_all_runs:
             if study.point_count > MAX_FOLDERS:
                 raise self.config_error(
@@ -651,7 +651,7 @@ class _StudyReader:
         )
 
     def read_tolerance(self) -> float | None:
-        """Return the tolerance, the largest relative force error of a "right" row, or None."""
+        """Return the tolerance, the largest relative force error of a "right" row; may be None."""
         tolerance = self.document.get("tolerance")
         if tolerance is None:
             return None

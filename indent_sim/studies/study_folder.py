@@ -79,7 +79,7 @@ class StudyFolder:
     Raises
     ------
     UsageError
-        If the folder or a run folder belongs to another program, is in use or not writable, or if
+        If the folder or a run folder was not made by this program, is in use or not writable, or if
         finished runs would be lost.
     """
 
@@ -145,7 +145,10 @@ class StudyFolder:
         return self._is_resumed
 
     def run_folder(self, name: str) -> Path:
-        """Return the result folder of a run: an existing one of the same physics, or a new one."""
+        """Return the result folder of a run: an existing one of the same physics, or a new one.
+
+        A run with the same physics has the same id, which ends the name of its folder.
+        """
         physics = name.rpartition("-")[2]
         if physics not in self._folder_names:
             self._folder_names[physics] = name
@@ -166,7 +169,7 @@ class StudyFolder:
         return code not in machine_codes and not reason.startswith(resource_failures)
 
     def ended_results(self, name: str) -> Results | None:
-        """Return the result of a finished or failed run of this program version, else None.
+        """Return the result of a finished or failed run of this program version, or None.
 
         The result is cached: do not call this before a run that is still to be computed again.
         """
@@ -175,7 +178,7 @@ class StudyFolder:
         return self._results_by_run[name]
 
     def _read_ended_run(self, name: str) -> Results | None:
-        """Read the result of a finished or failed run of this program version, else None."""
+        """Read the result of a finished or failed run of this program version, or return None."""
         report = read_report(self.run_folder(name))
         if report.get("status") in ("done", "failed") and report.get("version") == VERSION:
             # A damaged result counts as missing.
@@ -184,7 +187,7 @@ class StudyFolder:
         return None
 
     def record_failure(self, name: str, exit_code: int, reason: str) -> None:
-        """Write run.json of a failed run that has none; keep the run.json of a finished run."""
+        """Write run.json of a failed run that has no run.json; keep that of a finished run."""
         report = read_report(self.run_folder(name))
         if report.get("status") == "done":
             return

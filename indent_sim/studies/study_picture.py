@@ -159,7 +159,7 @@ def requested_figure(
 
 
 def _curve_styles(curve_groups: CurveGroups) -> tuple[list[PlotStyle], list[str], Any]:
-    """Return style and name of every curve, and a colour scale if it replaces names, else None.
+    """Return style and name of every curve, and a colour scale (or None) in place of names.
 
     Curves that differ in one number, and many curves, are coloured by the first number.
     """
@@ -174,8 +174,8 @@ def _curve_styles(curve_groups: CurveGroups) -> tuple[list[PlotStyle], list[str]
 def _all_line_styles(curve_groups: CurveGroups) -> tuple[list[PlotStyle], list[str]]:
     """Return the style and the legend name of every curve ("" for a repeated style).
 
-    If there are few curves, each has its own style; otherwise the style depends on the first varied
-    key. If this key has too many values for colours, all curves are grey and have no name.
+    If there are few curves, each has a different style; otherwise the style depends on the first
+    varied key. If this key has too many values for colours, all curves are grey and have no name.
     """
     names = curve_groups.curve_names()
     styles = (
@@ -192,7 +192,7 @@ def _all_line_styles(curve_groups: CurveGroups) -> tuple[list[PlotStyle], list[s
 
 
 def _styles_by_keys(curve_groups: CurveGroups, keys: Sequence[str]) -> list[PlotStyle] | None:
-    """Return the style of every curve by some varied keys; None if there are too many values.
+    """Return the style of every curve by some varied keys; None if they have too many values.
 
     Either each combination of values has a colour, or each value of one key has a colour and each
     combination of the other values a dash pattern.
@@ -381,7 +381,7 @@ def _is_line(run: Results) -> bool:
 
 
 def _common_formula(runs: Sequence[Results]) -> Report | None:
-    """Return the half-space formula of the deepest run if all runs have the same one, else None."""
+    """Return the half-space formula of the deepest run if all runs have the same one, or None."""
     formulas = [(run.report.get("theory") or {}).get("half_space") or {} for run in runs]
     if not all(
         formula.get("curve", {}).get("delta") and formula["curve"]["delta"][-1] > 0
@@ -413,7 +413,7 @@ def _time_unit(curve_groups: CurveGroups) -> str:
 
 
 def _common_holds(holds: Holds) -> list[HoldRelaxation]:
-    """Return the hold of every run if all have a hold with a decreasing force, else []."""
+    """Return the hold of every run if each has a hold with a decreasing force, otherwise []."""
     # The half time is NaN if the force does not fall.
     holds_with_fall = [hold for hold in holds if hold and hold.half_time == hold.half_time]
     return holds_with_fall if len(holds_with_fall) == len(holds) else []
@@ -422,7 +422,10 @@ def _common_holds(holds: Holds) -> list[HoldRelaxation]:
 def _draw_over_number(
     axes: Axes, curve_groups: CurveGroups, key: str, styles: Sequence[PlotStyle], holds: Holds
 ) -> None:
-    """Draw the representative force of every run, or the half-time in its hold, over a number."""
+    """Draw the representative force or half-time of every run over a varied number.
+
+    The half-time is that of the force relaxation in the hold of the run.
+    """
     values, label = representative_values(curve_groups, "force")
     common_holds = _common_holds(holds)
     if common_holds:
@@ -481,7 +484,7 @@ def _draw_pareto_front(axes: Axes, front: Sequence[Row]) -> list[Row]:
 
 
 def _spaced_points(positions: np.ndarray) -> list[int]:
-    """Return the indices of points of a front that are far enough apart, with the last point."""
+    """Return the indices of points of a front at sufficient distances, including the last point."""
     kept_indices = [len(positions) - 1]
     # Points that are nearer to each other than these fractions of the panel's width and height have
     # no space for two numbers.
@@ -577,7 +580,8 @@ def _group_rows(
 ) -> dict[str, list[Row]]:
     """Return the rows in groups that a few colours can distinguish.
 
-    The groups differ in the contact method, else in a key with text values, else in a number.
+    The groups differ in the contact method if it is varied, otherwise in a key with text values,
+    otherwise in a number.
     """
     other_keys = [key for key in keys if key != number_key]
     word_keys = [key for key in other_keys if not _is_numeric(rows, key)]

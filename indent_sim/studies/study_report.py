@@ -155,9 +155,10 @@ def read_study_folder(folder: Path) -> tuple[Report, list[Row]]:
 
 
 def _read_scoreboard(folder: Path) -> list[Row]:
-    """Return the rows of verification.csv; none if there is no such file.
+    """Return the rows of verification.csv; an empty list if there is no such file.
 
-    Raises UsageError if the file is damaged."""
+    Raises UsageError if the file is damaged.
+    """
     path = folder / SCOREBOARD
     if not path.exists():
         return []

@@ -80,7 +80,7 @@ def rows(
     results_by_id
         Results of every run that has ended, by the id of the case; other cases are "pending".
     reference
-        The reference solution of the study; its finest runs are chosen here.
+        The reference solution of the study; this function chooses its finest runs.
     folder_names
         Name of each run's folder, by the id of its case.
 
@@ -135,7 +135,7 @@ def write(table: Sequence[Row]) -> str:
 def representative_row(results: Results) -> int:
     """Return the index of the row that represents a run in the table.
 
-    It is the last row of a depth path. For a time history it is the first row with the largest
+    The row is the last one of a depth path. For a time history it is the first row with the largest
     force, or the deepest row if the force is tensile throughout.
     """
     if "t" not in results.table:
@@ -158,7 +158,7 @@ def read(text: str) -> list[Row]:
 
 
 def _parse_cell(cell: str) -> Any:
-    """Return a cell as a number if it is one, else as text; None for an empty cell."""
+    """Return a cell as a number or a text; None for an empty cell."""
     for kind in (int, float):
         with suppress(ValueError):
             return kind(cell)
@@ -340,7 +340,7 @@ def pareto_front(table: Iterable[Row]) -> list[Row]:
 def recommended_run(table: Sequence[Row], keys: Sequence[str], target: float) -> Row | None:
     """Return the cheapest run whose force error is within the target.
 
-    All finer meshes with the same settings must be within the target, too, because a coarse mesh
+    All finer meshes with the same settings must also be within the target, because a coarse mesh
     can have the correct force by coincidence.
     """
     compared_rows = [row for row in table if row["force_error_vs"]]

@@ -39,10 +39,15 @@ class Coordinate:
         Powers of the keys.
     is_logarithmic
         True if the coordinate is the logarithm of the product.
+    stretch
+        Number b between -1 and 1: the polynomial has the variable (x - b)/(1 - b x), where x is the
+        coordinate divided by its range, from -1 to 1. b > 0 stretches the upper end of the range,
+        b < 0 the lower one.
     """
 
     powers: Mapping[str, float]
     is_logarithmic: bool
+    stretch: float = 0.0
 
     def at(self, values: Mapping[str, np.ndarray]) -> np.ndarray:
         """Return the coordinate at values of the keys."""
@@ -148,7 +153,8 @@ class Surrogate:
         relation = "relative" if self.is_logarithmic else "of the largest value"
         return (
             f"{100 * quantile:g} % of points are within {error:.2g} ({relation}, at 95 % "
-            f"confidence, {self.error['held_out']} held-out runs)"
+            f"confidence, {self.error['held_out']} held-out runs, the largest error "
+            f"{self.error['largest']:.2g})"
         )
 
     @cached_property
@@ -177,8 +183,10 @@ class Surrogate:
         return Zonotope(self.points_of(middle)[0], kept)
 
     def unit_points(self, points: np.ndarray) -> np.ndarray:
-        """Return points of the bounding box as points of the cube [-1, 1]^d."""
-        return (points - self._zonotope.center) / self._zonotope.half_widths
+        """Return points of the bounding box as variables of the polynomial in [-1, 1]^d."""
+        x = (points - self._zonotope.center) / self._zonotope.half_widths
+        stretch = np.array([coordinate.stretch for coordinate in self.coordinates])
+        return (x - stretch) / (1 - stretch * x)
 
     def points_of(self, values: Mapping[str, np.ndarray]) -> np.ndarray:
         """Return the coordinates at values of the keys; (rows, d)."""
@@ -186,7 +194,7 @@ class Surrogate:
             return np.column_stack([coordinate.at(values) for coordinate in self.coordinates])
 
     def _is_inside(self, values: Mapping[str, np.ndarray], points: np.ndarray) -> np.ndarray:
-        """Return for each point whether it is inside the range."""
+        """Return for each point whether it is inside the sampled range."""
         is_inside = self._zonotope.contains(points)
         for powers, logarithm in self.constant:
             with np.errstate(all="ignore"):
@@ -237,7 +245,11 @@ class Surrogate:
             "fixed": self.fixed,
             "where": self.where,
             "coordinates": [
-                {"powers": coordinate.powers, "log": coordinate.is_logarithmic}
+                {
+                    "powers": coordinate.powers,
+                    "log": coordinate.is_logarithmic,
+                    "stretch": coordinate.stretch,
+                }
                 for coordinate in self.coordinates
             ],
             "constant": [
@@ -266,7 +278,7 @@ def read_surrogate(path: Path | str) -> Surrogate:
     Raises
     ------
     UsageError
-        The file is not one of a surrogate, or it is damaged.
+        If the file does not contain a surrogate, or is damaged.
     """
     path = Path(path)
     try:
@@ -297,7 +309,8 @@ def _surrogate_of(data: Mapping[str, Any]) -> Surrogate:
         raise ValueError("it was not written by this program")
     ranges = {str(key): (float(low), float(high)) for key, (low, high) in data["ranges"].items()}
     coordinates = tuple(
-        Coordinate(_powers(part["powers"]), bool(part["log"])) for part in data["coordinates"]
+        Coordinate(_powers(part["powers"]), bool(part["log"]), float(part["stretch"]))
+        for part in data["coordinates"]
     )
     indices = np.array(data["indices"], dtype=int).reshape(-1, len(coordinates))
     coefficients = np.array(data["coefficients"], dtype=float)
@@ -310,6 +323,7 @@ def _surrogate_of(data: Mapping[str, Any]) -> Surrogate:
         and indices.min() >= 0
         and indices.max() <= max_degree
         and np.isfinite(coefficients).all()
+        and all(abs(coordinate.stretch) < 1 for coordinate in coordinates)
         and np.array_equal(order, np.arange(len(indices)))
     )
     if not is_valid:
@@ -320,7 +334,7 @@ def _surrogate_of(data: Mapping[str, Any]) -> Surrogate:
         except ConditionError as error:
             raise ValueError(f"its condition {error}") from None
     names = ("title", "units", "study", "runs")
-    for name in ("quantile", "error", "held_out", "variance_share"):
+    for name in ("quantile", "error", "largest", "held_out", "variance_share"):
         float(data["error"][name])
     surrogate = Surrogate(
         str(data["column"]),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import islice
@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import scipy.linalg
 import scipy.stats
 
 from indent_sim.config.key_dimensions import (
@@ -25,8 +24,9 @@ from indent_sim.config.scene_file import to_mapping
 from indent_sim.process.errors import ConfigError, UsageError, VerificationError
 from indent_sim.studies import study_folder
 from indent_sim.studies.cases import CaseBuilder
-from indent_sim.studies.chebyshev_sum import ChebyshevSum, design_matrix, index_tuples
+from indent_sim.studies.chebyshev_sum import ChebyshevSum
 from indent_sim.studies.dimensionless_groups import Powers, find_groups, powers_text
+from indent_sim.studies.polynomial_fit import fit_polynomial
 from indent_sim.studies.study_file import StudyFile
 from indent_sim.studies.surrogate import Coordinate, Surrogate
 
@@ -35,9 +35,8 @@ SURROGATE_COLUMNS = ("force", "a", "p_max")
 MAX_ROWS = 50_000
 MAX_FITTED_ROWS = 6_000
 MIN_ROWS = 40
-# Largest number of terms of the polynomial, so that its evaluation stays fast.
-MAX_TERMS = 700
-MAX_DEGREE = 40
+# Number of runs of the table that are compared with those of the study.
+CHECKED_RUNS = 5
 # Beginnings of keys that belong to the numerical method and not to the mechanical problem.
 METHOD_SECTIONS = ("mesh", "solver")
 METHOD_KEYS = ("accuracy", "contact.epsilon_n", "contact.gamma", "loading.steps")
@@ -58,12 +57,15 @@ class RunTable:
         Largest relative error of the force that the runs state.
     failed
         Number of runs without a result.
+    first_runs
+        Names of the first CHECKED_RUNS runs by their index in the study.
     """
 
     keys: dict[str, np.ndarray]
     column: np.ndarray
     stated_error: float
     failed: int
+    first_runs: Mapping[int, str]
 
 
 def fit_surrogate(
@@ -90,12 +92,12 @@ def fit_surrogate(
     if column not in SURROGATE_COLUMNS:
         raise UsageError(f"--surrogate {column}: choose one of {', '.join(SURROGATE_COLUMNS)}")
     table = _read_table(study, directory, column)
+    _check_runs(study, table.first_runs, directory / study_folder.STUDY_TABLE)
     surrogate = _surrogate_without_polynomial(study, table, column)
     is_held_out = _held_out(len(table.column))
-    points = surrogate.unit_points(surrogate.points_of(_all_values(surrogate, table.keys)))
-    target = _target(surrogate, table)
     train = np.flatnonzero(~is_held_out)[:MAX_FITTED_ROWS]
-    surrogate = replace(surrogate, polynomial=_fit(points[train], target[train]))
+    values = {key: column[train] for key, column in _all_values(surrogate, table.keys).items()}
+    surrogate = fit_polynomial(surrogate, values, _target(surrogate, table)[train])
     held_out = {key: values[is_held_out] for key, values in table.keys.items()}
     error = _errors(surrogate, held_out, table.column[is_held_out])
     surrogate = replace(surrogate, error=error)
@@ -155,21 +157,45 @@ def _read_table(study: StudyFile, directory: Path, column: str) -> RunTable:
     return rows
 
 
+def _check_runs(study: StudyFile, runs: Mapping[int, str], path: Path) -> None:
+    """Raise UsageError if runs of the table are not those of the study, which was changed since.
+
+    The runs are compared by the checksum of their physics, at the end of their names.
+    """
+    build_case = CaseBuilder(study.common_settings)
+    for index, request in enumerate(islice(study.iterate_requests(), max(runs) + 1)):
+        if index not in runs:
+            continue
+        try:
+            is_same = build_case(index, request).id == runs[index].rpartition("-")[2]
+        except ConfigError:
+            is_same = False
+        if not is_same:
+            raise UsageError(
+                f"{path} is not the table of this study: its row {index + 1} is another run",
+                "run the study again with --resume",
+                str(path),
+            )
+
+
 def _table_rows(stream: io.TextIOBase, keys: Sequence[str], column: str) -> RunTable:
     """Return the runs in a stream of study.csv."""
     numbers: list[list[float]] = []
     failed = 0
+    first_runs: dict[int, str] = {}
     for row in islice(csv.DictReader(stream), MAX_ROWS):
         if row["status"] == "done" and row[column]:
             cells = (*(row[key] for key in keys), row[column], row["stated_error"] or "0")
             numbers.append([float(cell) for cell in cells])
+            if len(first_runs) < CHECKED_RUNS:
+                first_runs[int(row["index"]) - 1] = row["run"]
         else:
             failed += row["status"] != "pending"
     if len(numbers) < MIN_ROWS:
         raise UsageError(f"{len(numbers)} runs have a result: a surrogate needs {MIN_ROWS}")
     columns = np.array(numbers).T
     values = dict(zip(keys, columns[:-2], strict=True))
-    return RunTable(values, columns[-2], float(columns[-1].max()), failed)
+    return RunTable(values, columns[-2], float(columns[-1].max()), failed, first_runs)
 
 
 def _surrogate_without_polynomial(study: StudyFile, table: RunTable, column: str) -> Surrogate:
@@ -303,69 +329,17 @@ def _target(surrogate: Surrogate, table: RunTable) -> np.ndarray:
 
 
 def _held_out(count: int) -> np.ndarray:
-    """Return a mask of the runs that are held out of the fit: a random fifth of them."""
+    """Return a mask of the runs that are held out of the fit, a random fifth of all runs."""
     seed = 20261127
     # Share of the runs that is held out of the fit to measure the error.
     held_out_share = 0.2
     return np.random.default_rng(seed).random(count) < held_out_share
 
 
-def _fit(points: np.ndarray, target: np.ndarray) -> ChebyshevSum:
-    """Fit a polynomial to the results of the points.
-
-    Its degrees are raised step by step as long as this reduces the leave-one-out error by 2 %.
-    """
-    # Number of rows for each term of the polynomial.
-    rows_per_term = 3
-    max_terms = min(MAX_TERMS, len(points) // rows_per_term)
-
-    def error_of(degrees: Sequence[int]) -> float:
-        indices = index_tuples(degrees)
-        if len(indices) > max_terms or max(degrees) > MAX_DEGREE:
-            return np.inf
-        return _leave_one_out_error(points, target, indices)
-
-    degrees = [1] * points.shape[1]
-    best = error_of(degrees)
-    # Increments of a degree. A larger one than 1 is needed, since one more degree does not improve
-    # an even function.
-    steps = (1, 2, 4)
-    while True:
-        candidates = list(_increased(degrees, steps))
-        errors = [error_of(candidate) for candidate in candidates]
-        # A smaller decrease of the error is noise.
-        if not errors or min(errors) > 0.98 * best:
-            break
-        place = int(np.argmin(errors))
-        degrees = candidates[place]
-        best = errors[place]
-    indices = index_tuples(degrees)
-    coefficients = scipy.linalg.lstsq(design_matrix(points, indices), target)[0]
-    return ChebyshevSum(indices, coefficients)
-
-
-def _increased(degrees: Sequence[int], steps: Sequence[int]) -> Iterator[list[int]]:
-    """Yield the degrees with one of them, or all of them, increased."""
-    for step in steps:
-        yield [degree + step for degree in degrees]
-        for i in range(len(degrees)):
-            yield [degree + step * (i == j) for j, degree in enumerate(degrees)]
-
-
-def _leave_one_out_error(points: np.ndarray, target: np.ndarray, indices: np.ndarray) -> float:
-    """Return the root-mean-square error of runs that are left out of the fit one at a time."""
-    # Largest number of runs with which two polynomials are compared.
-    rows = min(len(points), max(1000, 2 * len(indices)))
-    q, _ = scipy.linalg.qr(design_matrix(points[:rows], indices), mode="economic")
-    residuals = target[:rows] - q @ (q.T @ target[:rows])
-    leverage = np.einsum("ij,ij->i", q, q)
-    return float(np.sqrt(np.mean((residuals / np.maximum(1 - leverage, 1e-6)) ** 2)))
-
-
 def _errors(
     surrogate: Surrogate, keys: Mapping[str, np.ndarray], column: np.ndarray
 ) -> dict[str, Any]:
-    """Return the error at held-out runs: quantiles, and a bound of one of them."""
+    """Return the error at held-out runs: quantiles, and a bound of one of the quantiles."""
     computed = surrogate({key: values for key, values in keys.items() if key in surrogate.ranges})
     scale = np.abs(column) if surrogate.is_logarithmic else np.abs(column).max()
     errors = np.sort(np.abs(computed - column) / scale)

@@ -74,7 +74,7 @@ class Worker:
         return self._process.fileno()
 
     def stop(self) -> None:
-        """End the process."""
+        """End the worker process."""
         self._process.stop()
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from itertools import combinations
 from math import comb
 
@@ -25,22 +26,28 @@ class Zonotope:
     def __init__(self, center: np.ndarray, generators: np.ndarray):
         self.center = center
         self.half_widths = np.abs(generators).sum(axis=0)
-        normals = [np.eye(len(center))]
+        self._generators = generators
+
+    @cached_property
+    def _normals(self) -> np.ndarray:
+        """Normals (facets, d) of the facets."""
+        normals = [np.eye(len(self.center))]
         # Largest number of facets of a zonotope; with more of them only its bounding box is used.
         max_facets = 2000
-        if comb(len(generators), len(center) - 1) <= max_facets:
-            normals.append(_facet_normals(generators / self.half_widths) / self.half_widths)
-        self._normals = np.vstack(normals)
-        self._distances = np.abs(generators @ self._normals.T).sum(axis=0)
+        if comb(len(self._generators), len(self.center) - 1) <= max_facets:
+            generators = self._generators / self.half_widths
+            normals.append(_facet_normals(generators) / self.half_widths)
+        return np.vstack(normals)
 
     def contains(self, points: np.ndarray) -> np.ndarray:
-        """Return for each point (rows, d) whether it is inside."""
+        """Return for each point (rows, d) whether it is inside the zonotope."""
+        largest = np.abs(self._generators @ self._normals.T).sum(axis=0)
         distances = np.abs((points - self.center) @ self._normals.T)
-        return np.asarray((distances <= self._distances * (1 + TOLERANCE)).all(axis=1))
+        return np.asarray((distances <= largest * (1 + TOLERANCE)).all(axis=1))
 
 
 def _facet_normals(generators: np.ndarray) -> np.ndarray:
-    """Return the normals of the facets: each is normal to d - 1 generators; (facets, d)."""
+    """Return the normals (facets, d) of the facets; each is normal to d - 1 generators."""
     dimension = generators.shape[1]
     normals = []
     for chosen in combinations(range(len(generators)), dimension - 1):

@@ -236,7 +236,7 @@ def _geometric_edges(size: float, start: float, stop: float) -> list[float]:
 def _graded_nodes(lo: float, hi: float, count: int) -> Nodes:
     """Return nodes and weights on [lo, hi], graded towards lo.
 
-    They result from a Gauss rule in v on [0, 1] by the substitution x = lo + (hi - lo) v^2.
+    The nodes result from a Gauss rule in v on [0, 1] by the substitution x = lo + (hi - lo) v^2.
     """
     v, w = gauss_legendre(0.0, 1.0, count)
     return lo + (hi - lo) * v**2, 2.0 * (hi - lo) * v * w

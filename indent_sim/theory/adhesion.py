@@ -162,7 +162,7 @@ class Jkr:
         return math.exp(min(inner_extrema, key=polynomial))
 
     def stable_equilibrium(self, z: float, compliance: float = 0.0) -> AdhesiveContact | None:
-        """Return the stable equilibrium at z [L]; None if the tip has separated.
+        """Return the stable equilibrium at z [L]; None if the tip has separated from the body.
 
         For an infinite compliance (force control) z is the force [F].
         """
@@ -221,7 +221,7 @@ class Jkr:
         table = CubicSpline(root_distances, [[c.a, c.delta, c.force] for c in equilibria])
 
         def interpolated_equilibrium(z: float) -> AdhesiveContact | None:
-            """Return the stable equilibrium at z; None if the tip has separated."""
+            """Return the stable equilibrium at z; None if the tip has separated from the body."""
             if z < lowest:
                 return None
             return AdhesiveContact(*map(float, table(math.sqrt(z - lowest))))

@@ -188,8 +188,8 @@ class Compression:
     dimensions
         Number of dimensions of the top: 2, or 1 in plane strain.
     max_area_ratio
-        Ratio of the area of the tip to the undeformed area of the top; at a larger ratio of the
-        top's area the body bulges past the edge of the tip.
+        Ratio of the area of the tip to the undeformed area of the top; if the area of the top grows
+        by a larger factor, the body bulges past the edge of the tip.
     """
 
     bar: Bar
@@ -226,7 +226,7 @@ class Compression:
         )
 
     def depth_of_force(self, force: float) -> float:
-        """Return the depth [L] of a force [F] > 0; raises ValueError if there is none."""
+        """Return the depth [L] of a force [F] > 0; raises ValueError if there is no such depth."""
         start = min(
             force * self.height / (self.bar.tangent_modulus(0.0) * self.area), 0.5 * self.height
         )

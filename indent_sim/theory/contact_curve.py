@@ -75,7 +75,7 @@ class ContactCurve(ABC):
     tip
         Profile of the tip.
     scaled_stack
-        The layers in units of the thickness and modulus of the top one.
+        The layers in units of the thickness and modulus of the top layer.
     E_star
         E* of the top layer [F/L^2].
     h
@@ -111,14 +111,15 @@ class ContactCurve(ABC):
     def linear_solution(self, a: float) -> Any:
         """Solve the linear problem of the contact size a [h].
 
-        The result's `indentation_of_radius` is the depth [h] of a smooth tip with this contact.
+        The attribute `indentation_of_radius` of the result is the depth [h] of a smooth tip with
+        this contact.
         """
 
     @abstractmethod
     def solution(self, delta: float, a: float, linear: Any = None) -> Solution:
         """Return the Solution for a contact of size a [h] at the depth delta [L].
 
-        `linear` is the `linear_solution` of this size if it is known.
+        `linear` is the `linear_solution` of this size, if it has already been computed.
         """
 
     def area(self, a: Sizes) -> Sizes:
@@ -127,7 +128,7 @@ class ContactCurve(ABC):
 
     @staticmethod
     def interpolation_variable(a: Sizes) -> Sizes:
-        """Return the variable of interpolation (a function of the contact size a)."""
+        """Return the variable of interpolation, a function of the contact size a."""
         return a
 
     @staticmethod
@@ -186,7 +187,7 @@ class ContactCurve(ABC):
     def solution_at_size(self, a: float, linear: Any = None) -> Solution:
         """Return the Solution for a contact of size a [h] of a smooth tip.
 
-        `linear` is the `linear_solution` of this size if it is known.
+        `linear` is the `linear_solution` of this size, if it has already been computed.
         """
         linear = linear or self.linear_solution(a)
         return self.solution(linear.indentation_of_radius * self.h, a, linear)
@@ -360,7 +361,7 @@ class ChebyshevContactCurve:
     ) -> ChebyshevContactCurve | None:
         """Interpolate contacts of a smooth tip from `smallest` to `largest` [h].
 
-        None if polynomials through `max_sizes` contact sizes have not converged.
+        The result is None if polynomials through `max_sizes` contact sizes have not converged.
         """
         solution_of_size: dict[float, Any] = {}
         needed_count = 0.0
@@ -516,8 +517,8 @@ class ChebyshevContactCurve:
 class _PeakPressures:
     """Largest contact pressure at each contact size.
 
-    It is interpolated by a Chebyshev polynomial of the contact size if that converges; otherwise
-    each contact is searched for its largest pressure.
+    The pressure is interpolated by a Chebyshev polynomial of the contact size if the polynomial
+    converges; otherwise the largest pressure of each contact is searched for.
     """
 
     def __init__(self, curve: ChebyshevContactCurve, a: np.ndarray):
@@ -603,7 +604,8 @@ def _coefficients(values: np.ndarray) -> np.ndarray:
 def _tail_ratio(coefficients: np.ndarray) -> float:
     """Return the ratio of the last coefficients to the largest one of their column.
 
-    The coefficients are (sizes, columns), and the largest ratio of all columns is returned.
+    The coefficients have the shape (sizes, columns), and the largest ratio of all columns is
+    returned.
     """
     sizes = np.abs(coefficients)
     return float((sizes[-TAIL_COEFFICIENTS:].max(axis=0) / sizes.max(axis=0)).max())

@@ -1,9 +1,9 @@
 """Two contacts in series: a body between a tip above and a flat below, both carrying one force.
 
-Each contact is computed by a layer theory, as if the other one were far away. The approaches add up
-at equal forces, delta = delta_1(F) + delta_2(F), and so do the compliances and the energies. This
-is the limit of contacts that are small against the body. Source: Johnson, Contact Mechanics (1985),
-4.2.
+Each contact is computed by a layer theory, as if the other contact were far away. At equal forces
+the approaches are added, delta = delta_1(F) + delta_2(F), and so are the compliances and the
+energies. This is the limit of contacts that are small compared with the body. Source: Johnson,
+Contact Mechanics (1985), 4.2.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ class ContactsInSeries:
         return self.upper.depth_of_force(force) + self.lower.depth_of_force(force)
 
     def solutions_up_to(self, deepest: Solution, count: int) -> list[Solution]:
-        """Return `count` solutions at forces up to that of `deepest`, at about equal approaches."""
+        """Return `count` solutions at forces up to that of `deepest`, at similar distances."""
         fractions = np.arange(1, count + 1) / count
         return self.solutions_at_forces(list(deepest.force * fractions**1.5))
 

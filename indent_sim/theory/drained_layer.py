@@ -12,7 +12,7 @@ import numpy as np
 
 
 def drained_length(diffusivity: float, elapsed: np.ndarray, ramp_time: np.ndarray) -> np.ndarray:
-    """Return the thickness (n,) [length] of an undrained layer that holds the fluid that was lost.
+    """Return the thickness (n,) [length] of an undrained layer with the volume of the lost fluid.
 
     The pressure p in a half-space grows linearly over the time `ramp_time` and then stays constant.
     The volume of fluid per area that has left through the drained face until the time `elapsed` is
@@ -44,7 +44,7 @@ def drained_length(diffusivity: float, elapsed: np.ndarray, ramp_time: np.ndarra
 
 
 def excess_length(h: np.ndarray, drained: np.ndarray) -> np.ndarray:
-    """Return by how much [length] elements of linear pressure overestimate `drained_length`.
+    """Return the excess [length] of `drained_length` on elements with linear pressure.
 
     In Laplace space the drained length of a half-space is (D/s)^(1/2). For elements of height h
     with p = 0 at the face it is (D/s + h^2/12)^(1/2), or h/12^(1/2) at time 0. The difference at a

@@ -50,13 +50,15 @@ class Kernel:
         return np.vstack([cosines, hyperbolic, np.ones((1, x.size))])
 
     def apply_weights(self, values: np.ndarray) -> np.ndarray:
-        """Return weight_j values_j for values (*, modes, n)."""
+        """Multiply the coefficients of the modes (*, modes, n) by the weights of the modes."""
         return self.weight[:, None] * values
 
     def solve_modes(
         self, direct: np.ndarray, projection: np.ndarray, modes_at_points: np.ndarray
     ) -> np.ndarray:
-        """Solve m = direct + projection (modes_at_points m) for modes m (*, modes, n).
+        """Solve m = direct + projection (modes_at_points m) for the coefficients m of the modes.
+
+        The coefficients have the shape (*, modes, n).
 
         The linear system is solved for the values at the points, because near a wall the modes are
         nearly dependent and a system for the modes would lose digits.
@@ -79,7 +81,7 @@ class Kernel:
     def slope_integrals(self, a: np.ndarray) -> np.ndarray:
         """Return ∫_0^a b_j'(x)/x dx, shape (modes, len(a)).
 
-        It is -k Si(k a) for the cosines; the other integrals are computed by quadrature.
+        The integral is -k Si(k a) for the cosines; the other integrals are computed by quadrature.
         """
         from scipy.special import sici
 
@@ -122,13 +124,16 @@ class EvenKernel:
         return chebvander(self._chebyshev_argument(x), len(self.matrix) - 1).T
 
     def apply_weights(self, values: np.ndarray) -> np.ndarray:
-        """Return sum_l matrix_jl values_l for values (*, modes, n)."""
+        """Multiply the coefficients of the modes (*, modes, n) by the matrix of the kernel."""
         return self.matrix @ values
 
     def solve_modes(
         self, direct: np.ndarray, projection: np.ndarray, modes_at_points: np.ndarray
     ) -> np.ndarray:
-        """Solve m = direct + projection (modes_at_points m) for modes m (*, modes, n)."""
+        """Solve m = direct + projection (modes_at_points m) for the coefficients m of the modes.
+
+        The coefficients have the shape (*, modes, n).
+        """
         return np.asarray(
             np.linalg.solve(np.eye(len(self.matrix)) - projection @ modes_at_points, direct)
         )
@@ -166,7 +171,7 @@ def contact_kernel(a: float, stack: Stack, wall: float) -> Kernel | EvenKernel:
     """Return the kernel of `axisymmetric_kernel` for radii up to a, in polynomials if possible.
 
     Without walls the kernel is analytic within 2 h of the real axis, so that a few polynomials
-    approximate it for smaller contacts. They are cached for radii in powers of sqrt(2).
+    approximate it for smaller contacts. The kernels are cached for radii in powers of sqrt(2).
     """
     if math.isinf(wall) and a <= 2.0:
         max_radius = 2.0 ** (0.5 * math.ceil(2.0 * math.log2(max(a, 2.0**-10))))
@@ -177,7 +182,7 @@ def contact_kernel(a: float, stack: Stack, wall: float) -> Kernel | EvenKernel:
 
 @lru_cache(maxsize=64)
 def _polynomial_kernel(max_radius: float, stack: Stack) -> EvenKernel | None:
-    """Return the kernel in even polynomials; None if too many of them are needed.
+    """Return the kernel in even polynomials; None if too many polynomials are needed.
 
     cos(k x) = J_0(k R) + 2 sum_j (-1)^j J_2j(k R) T_2j(x/R) with R = max_radius.
     """
@@ -222,7 +227,7 @@ def _layer_kernel(max_radius: float, stack: Stack) -> Kernel:
 
 @lru_cache(maxsize=64)
 def _cylinder_kernel(max_radius: float, clearance: float, stack: Stack, wall: float) -> Kernel:
-    """Return the kernel between walls: the half-space integral minus the Dini sum over L.
+    """Return the kernel between walls: the half-space integral minus the Dini sum.
 
     This difference is smooth, so that the integral equation remains of the second kind.
     """

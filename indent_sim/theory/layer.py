@@ -73,7 +73,7 @@ class _LinearSolution:
 
 
 class Layer(ContactCurve):
-    """Axisymmetric layer under a tip of revolution; with a wall, a cylinder of this radius."""
+    """Axisymmetric layer under a tip of revolution; with a wall it is a cylinder of that radius."""
 
     def profile(self, x: np.ndarray) -> np.ndarray:
         """Return the Abel transform g [h] of the tip's profile at radii x [h]."""
@@ -307,7 +307,7 @@ def _pressure(
 
 
 def _u_z(layer: Layer, lin: _LinearSolution, a: float, depth: float, r: np.ndarray) -> np.ndarray:
-    """Return u_z(r) [L]: half-space displacement due to delta - g, outside also that of psi."""
+    """Return u_z(r) [L]: half-space displacement due to delta - g; outside also that due to psi."""
     is_beyond_wall = r > layer.wall * (1.0 + 1e-12)
     if layer._inner_discontinuities(a):
         value = np.array([_half_space_sinking(layer, a, depth, radius) for radius in r])

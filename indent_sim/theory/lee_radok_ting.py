@@ -83,7 +83,7 @@ class LeeRadokTing:
         )
 
     def _depth_at(self, t: float, is_after_jump: bool) -> tuple[float, int]:
-        """Return the depth at a time, and the number of the point at the end of the segment."""
+        """Return the depth at a time, and the number of the end point of the current segment."""
         point_count = np.count_nonzero(self._times <= t if is_after_jump else self._times < t)
         if point_count == 0:
             # The tip is at rest before the history begins.
@@ -162,7 +162,7 @@ class LeeRadokTing:
         return float(brentq(balance, 0.0, self.deepest, xtol=1e-14 * self.deepest))
 
     def contact_grows_again(self, times: Sequence[float]) -> bool:
-        """Return whether the contact grows again during retraction, at one of the times.
+        """Return whether the contact grows again during retraction at any of the given times.
 
         Ting's solution is not valid in this case.
         """

@@ -27,7 +27,7 @@ def tabor_number(work: float, attraction_range: float, R: float, E_star: float) 
 def maugis_lambda(work: float, attraction_range: float, R: float, E_star: float) -> float:
     """Return Maugis' parameter lambda = 2 (work/range) (R/(pi work (4E*/3)^2))^(1/3).
 
-    It is 1.127 times the Tabor number.
+    lambda is 1.127 times the Tabor number.
     """
     return LAMBDA_PER_TABOR * tabor_number(work, attraction_range, R, E_star)
 
@@ -35,8 +35,8 @@ def maugis_lambda(work: float, attraction_range: float, R: float, E_star: float)
 def maugis_pull_off(parameter: float) -> float:
     """Return the pull-off force under force control, divided by pi work R.
 
-    It is -2 for lambda -> 0 (DMT) and -3/2 for lambda -> infinity (JKR). At the ends of the range
-    that is computed, lambda = 1e-10 and 1e5, these limits are reached to 1e-10.
+    The result is -2 for lambda -> 0 (DMT) and -3/2 for lambda -> infinity (JKR). At the ends of the
+    range that is computed, lambda = 1e-10 and 1e5, these limits are reached to 1e-10.
     """
     require_positive(parameter=parameter)
     # Parameters beyond which rounding does not separate the edges of the attraction and of the

@@ -9,7 +9,7 @@ displacement,
     theta = ln(3 - 4 nu)/(2 pi),   W(1) = 1,
 
 so that delta = alpha a^n with B = alpha n int_0^1 (1 - W(1/s)) s^(n-1) ds. At nu = 1/2 the results
-are those of frictionless contact.
+are the same as for frictionless contact.
 
 For bonded layers, the ratio of forces is taken from a table of finite element solutions.
 
@@ -130,7 +130,7 @@ def layer_force_range(nu: float, slenderness: float, power: float) -> tuple[floa
 
 
 def _neighbouring_lines(lines: Sequence[float], value: float) -> list[int]:
-    """Return the indices of the grid values next to a value, or the index of an equal one."""
+    """Return the indices of the grid values next to a value, or the index of an equal value."""
     matching_line = [k for k, line in enumerate(lines) if math.isclose(line, value, rel_tol=1e-9)]
     next_line = int(np.searchsorted(lines, value))
     return matching_line or [next_line - 1, next_line]

@@ -61,7 +61,7 @@ def area_function(h_c: np.ndarray, coefficients: np.ndarray) -> np.ndarray:
 def fit_area_function(h_c: np.ndarray, area: np.ndarray) -> np.ndarray:
     """Return the coefficients (5,) of an area function by least squares of relative differences.
 
-    None of them is negative, so that the area increases with the contact depth.
+    No coefficient is negative, so that the area increases with the contact depth.
 
     Parameters
     ----------
@@ -190,9 +190,12 @@ def fit_unloading(
 
     The parameters are the force, the stiffness S and the exponent m at h_max, on which the samples
     depend almost independently of each other: F(h) = F_0 (1 - S (h_max - h)/(m F_0))^m. The squares
-    of the differences in force are divided by their variance F_noise^2 + (F'(h) h_noise)^2, so that
-    scatter of the depth does not reduce the stiffness of a steep curve. The covariance is increased
-    by (1 + rho)/(1 - rho) for residuals whose correlation from sample to sample is rho > 0.
+    of the differences in force are divided by their variance F_noise^2 + (F' h_noise)^2, so that
+    scatter of the depth does not reduce the stiffness of a steep curve. F' is the slope between the
+    curve at the depth and at the force of the sample, which is bounded: with the tangent, a power
+    law that ends above all samples with an infinite slope would fit best. The covariance is
+    increased by (1 + rho)/(1 - rho) for residuals whose correlation from sample to sample is
+    rho > 0.
 
     Parameters
     ----------
@@ -227,8 +230,12 @@ def fit_unloading(
     def residuals(parameters: np.ndarray) -> np.ndarray:
         force, stiffness, m = parameters
         base = np.maximum(1.0 - stiffness * x / (m * force), 1e-12)
-        slope = stiffness * base ** (m - 1.0)
-        return np.asarray((y - force * base**m) / np.hypot(y_weight, x_weight * slope))
+        difference = y - force * base**m
+        # Slope between the points of the power law at the depth and at the force of a sample.
+        distance = x - m * force / stiffness * (1.0 - (np.maximum(y, 0.0) / force) ** (1.0 / m))
+        tangent = stiffness * base ** (m - 1.0)
+        slope = np.divide(difference, distance, out=tangent, where=np.abs(distance) > 1e-9)
+        return np.asarray(difference / np.hypot(y_weight, x_weight * slope))
 
     starts = [start for m in (1.0, 1.25, 1.5, 2.0, 3.0) if (start := _start(x, y, m)) is not None]
     if not starts:
@@ -261,7 +268,7 @@ def fit_unloading(
 
 
 def _start(x: np.ndarray, y: np.ndarray, m: float) -> np.ndarray | None:
-    """Return force, stiffness and exponent of the line through y^(1/m); None if it rises."""
+    """Return force, stiffness and exponent from the line through y^(1/m); None if it rises."""
     slope, intercept = np.polyfit(x, np.maximum(y, 0.0) ** (1.0 / m), 1)
     if not (slope < 0 and intercept > 0):
         return None

@@ -131,9 +131,9 @@ def paraboloid_fraction_remaining(
     ----------
     tau
         D t/a^2, where t is the time after a step to a constant depth, or the duration of a ramp;
-        the fraction after a ramp is that at its end.
+        for a ramp the fraction at its end is returned.
     tip
-        "drained" if fluid can pass through the surface of the tip, else "sealed".
+        "drained" if fluid can pass through the surface of the tip, otherwise "sealed".
     loading
         "step" or "ramp": how the depth is applied.
     """
@@ -154,7 +154,7 @@ def poroelastic_fraction_remaining(
 ) -> float:
     """Return g = (F - F(inf))/(F(0+) - F(inf)) of a flat punch on a half-space, from 1 to 0.
 
-    It is accurate to eight digits for tau >= 1e-3, and to three digits for shorter times.
+    The result is accurate to eight digits for tau >= 1e-3, and to three digits for shorter times.
 
     Parameters
     ----------
@@ -264,7 +264,7 @@ def _laplace_transform(s: complex, r: float, surface: SurfaceDrainage) -> comple
     )
 
     def kernel(z: np.ndarray) -> np.ndarray:
-        """Return (1/pi) int_0^inf of the subtracted terms times cos kz dk."""
+        """Return 1/pi times the integral over k of the subtracted terms multiplied by cos kz."""
         return root * (first / 2.0 + second / 4.0 * (1.0 + root * z)) * np.exp(-root * z)
 
     def integral(z: np.ndarray) -> np.ndarray:
@@ -301,7 +301,7 @@ def _compliance_deficit(
 def _large_wavenumber_coefficients(
     contrast: float, surface: SurfaceDrainage
 ) -> tuple[float, float]:
-    """Return the first two coefficients of `_compliance_deficit` in powers of s/(k^2 + s)."""
+    """Return two coefficients of the expansion of `_compliance_deficit` in s/(k^2 + s)."""
     if surface == "drained":
         return contrast / 4.0, contrast / 8.0 - contrast**2 / 16.0
     return 3.0 * contrast / 4.0, contrast / 8.0 - 9.0 * contrast**2 / 16.0

@@ -134,7 +134,7 @@ class FittedPunches:
     """Flat punches fitted to the stiffness K and the force P that were computed on a mesh.
 
     Polynomials of the radius are fitted to ln K/K_0 and ln P/P_0, where K_0 = 2 E* a and P_0 = 2 E*
-    ∫_0^a g belong to a half-space, so that the ratios are smooth for any tip.
+    ∫_0^a g are the values of a half-space, so that the ratios are smooth for any tip.
 
     Parameters
     ----------

@@ -62,7 +62,7 @@ class ShearRelaxation:
         )
 
     def prony_series(self, shortest: float, longest: float) -> ShearRelaxation:
-        """Return this Prony series itself."""
+        """Return this Prony series unchanged."""
         return self
 
     def force_relaxation(self, t: np.ndarray) -> ForceRelaxation:

@@ -60,7 +60,7 @@ class Solution:
         """Return the largest pressure [F/L^2] with an accuracy of 1e-9; NaN if it is infinite.
 
         The pressure is infinite under a sharp apex or edge. The search refines the interval around
-        the largest sampled value until this changes by less than 1e-10.
+        the largest sampled value until this value changes by less than 1e-10.
         """
         if self.force <= 0.0:
             return 0.0

@@ -82,7 +82,7 @@ class Stack:
         """Return a homogeneous half-space with the modulus E*, as a stack.
 
         The result depends only on E*, so that nu = 0 is used. `unit` [L] is the unit of length,
-        best of the order of a contact radius.
+        which should be of the order of a contact radius.
         """
         return cls((StackLayer(unit, E_star, 0.0), StackLayer(math.inf, E_star, 0.0)), None)
 
@@ -110,7 +110,7 @@ class Stack:
     def confined_compliance(self) -> float:
         """Compliance E*/h sum h_i/M_i under a uniform pressure with the oedometric moduli M_i.
 
-        It is 0 for incompressible layers.
+        The compliance is 0 for incompressible layers.
         """
         compliance = sum(
             t * (1.0 + nu) * (1.0 - 2.0 * nu) / ((1.0 - nu) * E) for t, E, nu in self.layers
@@ -141,7 +141,7 @@ class Stack:
         )
 
     def scaled_wall_distance(self, distance: float | None) -> float:
-        """Return the distance of side walls in units of the top layer's thickness (inf if none).
+        """Return the distance of side walls in thicknesses of the top layer; inf without walls.
 
         Raises
         ------
@@ -175,7 +175,7 @@ class Stack:
         return excess[:, 1, 1] / (1.0 - top.nu)
 
     def _base_states(self) -> np.ndarray:
-        """Return a basis (4, 2) of the states (rows U, V, T, N) that the base permits.
+        """Return a basis (4, 2) of the states (rows U, V, T, N) that are possible at the base.
 
         Stresses are in units of the top layer's mu k.
         """
@@ -214,7 +214,7 @@ def _compliance_at_top(
 def _compliance_by_reflection(
     nu: float, s: np.ndarray, state: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the compliance of a half-space of this layer, and the effect of its bottom."""
+    """Return the compliance of a half-space of this layer, and the effect of the layer's bottom."""
     waves = _wave_matrix(nu)
     down = waves[:, :2]
     up = waves[:, 2:]

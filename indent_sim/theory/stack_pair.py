@@ -4,8 +4,8 @@ A pressure p of wavenumber k brings both surfaces together by
     w = (2/E_1* L_1 + 2/E_2* L_2)/k p = (2/E*) L/k p,   1/E* = 1/E_1* + 1/E_2*,
 so that a pair is a stack with the modulus E* and, with M = 1 - L,
     M = E* (M_1/E_1* + M_2/E_2*).
-All theories of a layer hold for it: the gap between two surfaces of small slope depends on the sum
-of their displacements only. Source: Johnson, Contact Mechanics (1985), 4.1.
+All theories of a layer hold for the pair: the gap between two surfaces of small slope depends on
+the sum of their displacements only. Source: Johnson, Contact Mechanics (1985), 4.1.
 """
 
 from __future__ import annotations
@@ -22,8 +22,9 @@ from indent_sim.theory.stack import Stack
 class StackPair(Stack):
     """A stack, and a second one that is pressed onto it; both listed from the contact.
 
-    The attributes of `Stack` are those of the first one. Its top layer is the unit of length, and
-    must be the thinner one: M(k) is integrated up to a wavenumber in this unit.
+    The inherited attributes of `Stack` describe the first stack. The thickness of its top layer is
+    the unit of length, and must not exceed that of the second stack's top layer: M(k) is integrated
+    up to a wavenumber in this unit.
 
     Parameters
     ----------

@@ -143,8 +143,8 @@ class Strip(ContactCurve):
     def _smooth_kernel(self, x: np.ndarray, t: np.ndarray, a: float) -> np.ndarray:
         """Return the smooth part of the kernel, subtracted from -ln|q - q'|, at x and t [h].
 
-        It consists of the effect of the lower layers, the uniform mode and ln 2S, and has the shape
-        (len(x), len(t)).
+        This part consists of the effect of the lower layers, the uniform mode and ln 2S, and has
+        the shape (len(x), len(t)).
         """
         max_half_width = 2.0 ** math.ceil(math.log2(max(0.5 * float(x.max() + t.max()), 1.0)))
         if math.isinf(self.wall):
@@ -292,7 +292,7 @@ def _kink_coefficients(n: int) -> np.ndarray:
 def _strip_modes(max_half_width: float, stack: Stack, wall: float) -> tuple[np.ndarray, np.ndarray]:
     """Return the wavenumbers k_n = n pi/W [1/h] and M(k_n)/n of all modes with non-negligible M.
 
-    They are accurate for half-widths up to `max_half_width` [h].
+    The modes are accurate for half-widths up to `max_half_width` [h].
     """
     n, weight = wall_mode_nodes(max_half_width, wall)
     k = n * math.pi / wall
@@ -303,9 +303,9 @@ def _strip_modes(max_half_width: float, stack: Stack, wall: float) -> tuple[np.n
 def _layer_modes(max_half_width: float, stack: Stack) -> tuple[np.ndarray, np.ndarray]:
     """Return nodes s and weights of ∫_0^inf (M - exp(-2s))/s cos(sx) cos(st) ds.
 
-    They are accurate for half-widths up to `max_half_width` [h]. The subtracted part is known,
-    ∫_0^inf (1 - exp(-2s))/s cos(us) ds = ln sqrt(1 + 4/u^2); `_smooth_kernel` adds its term
-    ln sqrt(u^2 + 4).
+    The nodes are accurate for half-widths up to `max_half_width` [h]. The subtracted part is known,
+    ∫_0^inf (1 - exp(-2s))/s cos(us) ds = ln sqrt(1 + 4/u^2); `_smooth_kernel` adds its term ln
+    sqrt(u^2 + 4).
     """
     s, w = wavenumber_nodes(max_half_width, stack.min_wavenumber)
     return s, w * (stack.compliance_complement(s) - np.exp(-2.0 * s)) / s

@@ -38,7 +38,7 @@ class SearchNotConverged(ArithmeticError):
 
 @dataclass(frozen=True)
 class RelaxingSurface:
-    """Discretised contact problem: compliance of weighted points, and heights of the tip there.
+    """Discretised contact problem: compliance between weighted points, and tip heights there.
 
     Attributes
     ----------
@@ -97,9 +97,9 @@ class RelaxingSurface:
 def layer_surface(contact: Layer, a: float) -> RelaxingSurface:
     """Return the surface of a layer for contacts up to the radius a [L].
 
-    In the layer's integral equation, phi(x) >= 0 takes the place of the pressure and delta - g(x)
-    that of the displacement: (pi/E*)(phi - (2/pi) ∫ K phi) = delta - g, and F = 2 pi ∫ phi. If the
-    contact is a disc, its radius is the same in both formulations.
+    In the layer's integral equation, phi(x) >= 0 corresponds to the pressure, and delta - g(x) to
+    the displacement: (pi/E*)(phi - (2/pi) ∫ K phi) = delta - g, and F = 2 pi ∫ phi. If the contact
+    is a disc, its radius is the same in both formulations.
     """
     h = contact.h
     # Radius of the surface over the largest expected contact radius.
@@ -131,7 +131,7 @@ class SurfaceContactLCP:
     p are the pressures, and o the gaps without pressure.
 
     The attributes `contact_radius` [L] and `stiffness` [F/L] (force per depth at constant active
-    points) belong to the last contact solved.
+    points) refer to the contact that was solved last.
     """
 
     def __init__(self, surface: RelaxingSurface, M: np.ndarray):
@@ -162,7 +162,7 @@ class SurfaceContactLCP:
         return self._solve_active_set(open_gaps) if p is None else p
 
     def _solve_disc(self, open_gaps: np.ndarray) -> np.ndarray | None:
-        """Return the pressures of a contact on the first points; None if it is not a solution.
+        """Return the pressures of a contact on the first points; None if they are not a solution.
 
         The last of n pressures has the sign of y_n with L y = -o, L the Cholesky factor.
         """

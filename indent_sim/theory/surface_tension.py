@@ -111,7 +111,8 @@ class LayerWithSurfaceTension(ContactCurve):
     def _function_count(self, a: float) -> int:
         """Return the number of basis functions at the contact radius a [h].
 
-        It is constant over ranges of radii, so that the load curve is smooth in root searches.
+        The number is constant over ranges of radii, so that the load curve is smooth in root
+        searches.
         """
         width_ratio = 2.0 ** math.ceil(math.log2(a / self.b))
         base_count = LEAST_FUNCTIONS * (3 if self.has_slope_discontinuities else 1)
@@ -292,7 +293,7 @@ def _basis_sums(
 def _logarithmic_nodes(angle: float, levels: int, count: int) -> Nodes:
     """Return nodes and weights on [0, pi] for an integrand with a logarithm at an angle.
 
-    The nodes are given relative to this angle, because the distance of the nearest ones is below
+    The nodes are given relative to this angle, because the distance of the nearest nodes is below
     the round-off of the angle.
 
     Parameters
@@ -329,7 +330,7 @@ def _pressure(
 ) -> np.ndarray:
     """Return p(r) = (E*/2a) sum_n (2n + 1) d_n P_n(2 r^2/a^2 - 1) [F/L^2].
 
-    It is infinite at the edge if there is a line force.
+    The pressure is infinite at the edge if there is a line force.
     """
     n = np.arange(phi.size - 1)
     p = np.where((r == a) & (phi[0] > 0.0), np.inf, 0.0)

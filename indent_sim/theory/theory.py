@@ -71,13 +71,13 @@ class Theory:
         return solutions[0] if solutions else None
 
     def solutions_at_forces(self, forces: Sequence[float]) -> list[Solution] | None:
-        """Return one Solution for each force, or None if one is beyond the range of the theory."""
+        """Return one Solution for each force; None if a force is beyond the range of the theory."""
         with contextlib.suppress(*SOLUTION_ERRORS), np.errstate(all="ignore"):
             return self.contact.solutions_at_forces(forces)
         return None
 
     def depth_of_force(self, force: float, deepest: float) -> float | None:
-        """Return the depth of a force, at most `deepest`; None beyond the range of the theory."""
+        """Return the depth of a force, at most `deepest`; None outside the range of the theory."""
         with contextlib.suppress(*SOLUTION_ERRORS), np.errstate(all="ignore"):
             return min(self.contact.depth_of_force(force), deepest)
         deepest_solution = self.solution_at_depth(deepest)

@@ -159,7 +159,10 @@ class ViscoelasticTimeStepper:
         return Response(t, delta, float(self.surface.areas @ p), contact.contact_radius, np.nan)
 
     def _make_contact_problem(self, alpha: float) -> SurfaceContactLCP:
-        """Return the elastic contact problem with the compliance A/alpha."""
+        """Return the elastic contact problem of one time step.
+
+        Its compliance is A/alpha; see the module for both symbols.
+        """
         areas = self.surface.areas
         c = 0.0 if self.is_force_controlled else self.compliance
         return SurfaceContactLCP(
@@ -171,8 +174,8 @@ class ViscoelasticTimeStepper:
     ) -> tuple[float, np.ndarray]:
         """Return the depth and the pressures of a given force; Newton's method inverts F(delta).
 
-        Newton's method converges because F(delta) is convex. For zero force the depth is that of
-        first contact.
+        Newton's method converges because F(delta) is convex. For zero force the depth of first
+        contact is returned.
         """
         areas = self.surface.areas
         delta = float((open_gaps / areas).min()) if self._elastic_pressures.any() else 0.0

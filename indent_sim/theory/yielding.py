@@ -143,19 +143,23 @@ class YieldingSolid:
     def strain_ratio(self, slope: float) -> float:
         """Return E tan(beta)/sigma_r, the ratio of imposed strain and elastic strain at yield.
 
-        `slope` is tan(beta).
+        `slope` is tan(beta), and sigma_r is the flow stress at the representative strain 0.2
+        tan(beta).
         """
         return self.E * slope / self.flow_stress(0.2 * slope)
 
     def hardening_exponent(self, slope: float) -> float:
-        """Return d ln sigma/d ln(alpha + sigma_y/E) at sigma_r; n for power-law hardening."""
+        """Return d ln sigma/d ln(alpha + sigma_y/E), which is n for power-law hardening.
+
+        It is evaluated at the representative strain alpha = 0.2 `slope`.
+        """
         alpha = 0.2 * slope
         total = alpha + self.yield_stress / self.E
         return float(self.hardening_modulus(alpha) * total / self.flow_stress(alpha))
 
     @property
     def power_law_exponent(self) -> float | None:
-        """Exponent n of power-law hardening, 0 without hardening; None for other laws."""
+        """Exponent n of power-law hardening; 0 without hardening, None for other hardening laws."""
         exponents = [self.hardening_exponent(slope) for slope in (0.05, 0.5, 5.0)]
         digits = 9  # that round-off leaves
         is_power_law = max(exponents) - min(exponents) < 10.0**-digits
@@ -164,9 +168,9 @@ class YieldingSolid:
     def contact_height(self, slope: float, *, is_round: bool) -> float:
         """Return the height of the tip at the contact edge above its apex, divided by the depth.
 
-        It is below 1 where the surface sinks in and above 1 where it piles up. It grows from that
-        of an elastic half-space with the strain ratio and falls with hardening, measured on cones
-        to 20 % for n = 1.
+        It is below 1 where the surface sinks in and above 1 where it piles up. From the value of an
+        elastic half-space it grows with the strain ratio. It falls with hardening, by 20 % for n =
+        1, as measured on cones.
         """
         strain_ratios, heights = (
             (ROUND_STRAIN_RATIOS, ROUND_CONTACT_HEIGHTS)
@@ -179,8 +183,8 @@ class YieldingSolid:
     def mean_pressure(self, slope: float) -> float:
         """Return the mean contact pressure [F/L^2] of a contact that yields.
 
-        It is the pressure in Johnson's expanding cavity plus a measured multiple of the flow
-        stress, at most that of rigid-plastic indentation.
+        The result is the pressure in Johnson's expanding cavity plus a measured multiple of the
+        flow stress, but at most the mean pressure of rigid-plastic indentation.
         """
         ratio = self.strain_ratio(slope) + 4 * (1 - 2 * self.nu)
         cavity = 2 / 3 * (1 + log(ratio / (6 * (1 - self.nu))))
@@ -191,11 +195,11 @@ class YieldingSolid:
 
     @property
     def _dao_argument(self) -> float:
-        """Return ln(E*/sigma_0.033)."""
+        """Return ln(E*/sigma_0.033) with the flow stress at a plastic strain of 0.033."""
         return log(self.E_star / self.flow_stress(DAO_STRAIN))
 
     def dao_obstacle(self, half_angle: float) -> str:
-        """Return why the functions of Dao et al. do not hold for a cone; "" if they do.
+        """Return why the functions of Dao et al. are not valid for a cone; "" if they are valid.
 
         `half_angle` is in degrees.
         """

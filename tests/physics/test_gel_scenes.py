@@ -181,6 +181,62 @@ def test_the_audit_is_relative_to_what_the_supports_of_a_gel_hold(tmp_path: Path
     )  # 4e-8; a slip of the sign or of a factor shows
 
 
+def test_a_gel_may_swell_higher_around_the_tip_than_the_body_is() -> None:
+    """The contact of a cone ends above the body's height and below the height of free swelling.
+
+    Between the walls the gel swells to a height known in closed form, and the apex is at the
+    height of the body minus the depth. The contact ends on the cone at less than the difference.
+    """
+    material = {"model": "gel", "G": 0.3, "n_omega": 1.2e-3, "chi": 0.4, "stretch": 1.58}
+    depth = 0.11
+    base = gel(
+        LAYER | {"radius": 2.9, "base": "roller"},
+        material=material | {"flow": {"diffusivity": 1.0}},
+        indenter={"shape": "cone", "half_angle": 63.0, "tip_radius": 0.1},
+        loading={"history": [[0, 0], [2, depth], [300, depth]], "times": [300], "per_doubling": 2},
+        mesh={"h_contact": 0.3, "h_far": 0.4},
+    )
+    (row,) = rows(base)
+    tip = base.physics.indenter
+    law = Gel(**material)
+    swollen = law.confined_swelling(law.bath_pressure(0.0)).stretch
+    assert tip.radius_at(1.0) < row.a < tip.radius_at(swollen - 1 + depth)
+
+
+@pytest.mark.verify
+def test_a_strongly_swelling_gel_keeps_its_bonded_corner() -> None:
+    """The force on a gel bonded to a base is between those on a free and on a confined gel.
+
+    A bonded base hinders the gel in spreading, so that it rises more than a free one and less than
+    one between walls. The free face folds where elements at the corner are too small, and no
+    equilibrium is found.
+    """
+    material = {"model": "gel", "G": 1.0, "n_omega": 5.7e-3, "chi": 0.546, "stretch": 1.31}
+    depth = 0.085
+    bodies = [
+        LAYER | {"radius": 1.6, "base": base, "sides": sides}
+        for base, sides in (("roller", "free"), ("fixed", "free"), ("fixed", "roller"))
+    ]
+    forces = [
+        rows(
+            gel(
+                body,
+                material=material | {"flow": {"diffusivity": 1.0}},
+                indenter={"shape": "cone", "half_angle": 68.0, "tip_radius": 0.1},
+                loading={
+                    "history": [[0, 0], [9, depth], [60, depth]],
+                    "times": [60],
+                    "per_doubling": 2,
+                },
+                drainage={"tip": "drained", "bath": 0.0},
+                mesh={},
+            )
+        )[-1].force
+        for body in bodies
+    ]
+    assert forces[0] < forces[1] < forces[2]
+
+
 def test_a_gel_that_shrinks_away_from_the_tip_is_told_with_its_depth() -> None:
     """A gel between walls retreats from the tip by the shrinkage that is known in closed form.
 

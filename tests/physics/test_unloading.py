@@ -155,6 +155,31 @@ def test_unloading_ends_at_a_depth() -> None:
         assert bool(np.isnan(found[-1].residual_depth)) is (to == 0.098)
 
 
+def test_the_tip_lets_go_of_a_film_in_the_last_row() -> None:
+    """A hard film, which the yielding substrate bends: the force of the last row is zero.
+
+    The film flows back on the way out, so that contact is lost at another depth after short
+    increments than after the long one by which this depth is searched for.
+    """
+    film = {"model": "hencky", "E": 400.0, "nu": 0.25, "plasticity": {"yield_stress": 8.0}}
+    plasticity = {"yield_stress": 0.28, "hardening": {"n": 0.05}}
+    substrate = {"model": "hencky", "E": 70.0, "nu": 0.33, "plasticity": plasticity}
+    base = scene(
+        {
+            "shape": "half_space",
+            "layers": [{"thickness": 1.0, "material": film}, {"material": substrate}],
+        },
+        material=None,
+        indenter={"shape": "cone", "half_angle": 70.3},
+        loading={"delta": 0.25, "steps": 2, "unload": {"to": 0, "rows": 2}},
+        mesh={"h_contact": 0.1},
+    )
+    found = rows(base)
+    assert found[-1].force == 0.0 and found[-1].a == 0.0
+    assert found[-1].residual_depth == pytest.approx(found[-1].delta, rel=1e-12)
+    assert 0 < found[-1].delta < found[-2].delta < 0.25
+
+
 def test_a_resumed_run_has_the_same_rows_of_unloading(tmp_path: Path) -> None:
     """Stopped in the middle of unloading: the depths follow from those of the finished rows."""
     loading = {"deltas": [0.1], "unload": {"to": 0, "rows": 4}}
@@ -205,7 +230,7 @@ REFUSED: dict[str, tuple[dict[str, Any], str, str]] = {
             "loading": WAY_BACK | {"slide": {"to": 0.1}},
         },
         "loading.unload",
-        "does not fit loading.slide",
+        "cannot be combined with loading.slide",
     ),
     "adhesion": (
         {"contact": {"adhesion": {"work": 1e-3, "range": 0.01}}},
@@ -215,7 +240,7 @@ REFUSED: dict[str, tuple[dict[str, Any], str, str]] = {
     "an instrument": (
         {"experiment": {"frame": {"compliance": 0.01}}},
         "loading.unload",
-        "does not fit an experiment",
+        "cannot be combined with the section experiment",
     ),
     "a depth above the last one": (
         {"loading": WAY_BACK | {"unload": {"to": 0.05}}},

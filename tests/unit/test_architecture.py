@@ -137,6 +137,7 @@ LIBRARIES: dict[str, tuple[str, ...]] = {
         "scene/",
         "results/pictures/curves.py",
         "studies/sample.py",
+        "studies/polynomial_fit.py",
         "studies/surrogate_fit.py",
     ),
     "yaml": ("config/strict_yaml.py",),

@@ -46,7 +46,7 @@ class FlatBelow:
     Attributes
     ----------
     is_on_flat
-        Whether each node of the surface belongs to the contact with the flat.
+        Whether each node of the surface is a node of the contact with the flat.
     signs
         Direction of each candidate's force (n,): 1 downwards under the tip, -1 upwards on the flat.
     spring
@@ -58,7 +58,7 @@ class FlatBelow:
     spring: float
 
     def imbalance(self, nodal_forces: np.ndarray) -> float:
-        """Return the force on the tip minus that on the flat, which the spring takes [force]."""
+        """Return the force on the tip minus that on the flat [force], carried by the spring."""
         return float(self.signs @ nodal_forces)
 
 
@@ -90,8 +90,8 @@ class Compliance:
     candidates
         Numbers of the candidates (n,) among the nodes of the surface.
     flat
-        Flat on which the body rests; None if it does not. The coordinates of the nodes on it are
-        those of the body turned upside down.
+        Flat on which the body rests; None if it does not. The coordinates of the nodes on the flat
+        are those of the body turned upside down.
     """
 
     matrix: np.ndarray
@@ -111,12 +111,12 @@ class Compliance:
 
     @property
     def C(self) -> np.ndarray:
-        """Downward displacements (n, n) for unit downward forces [length/force]."""
+        """Downward displacements (n, n) of the candidates per unit downward force."""
         return self.matrix[: self.size, : self.size]
 
     @property
     def rests_on_flat(self) -> np.ndarray | None:
-        """Whether each facet of the trace (facets,) may touch the flat; None if bonded."""
+        """Whether each facet of the trace (facets,) may touch the flat; None for a bonded body."""
         if self.flat is None:
             return None
         return np.asarray((self.flat.signs < 0)[self.trace.nodes].all(axis=1))
@@ -136,7 +136,7 @@ class Compliance:
 
 
 class Condenser:
-    """Factors the stiffness matrix of a linear body once and condenses it to parts of its surface.
+    """Factors the stiffness matrix of a linear body once; condenses the body to its surface.
 
     With several ranks, each rank factors the whole body and solves for its share of the unit
     forces. If the memory does not suffice, all ranks factor the body together and solve for all
@@ -218,7 +218,7 @@ class Condenser:
         self._force_dofs: tuple[Compliance, OwnedDofs] | None = None
 
     def _pins_of_all_ranks(self) -> list[int]:
-        """Return one entry per pin on every rank: the local dof on its owner, -1 elsewhere."""
+        """Return each pin's local dof on the rank that owns it, and -1 on the other ranks."""
         counts = self.body.comm.allgather(len(self.body.pin_dofs))
         local_pins = iter(self.body.pin_dofs)
         ranks = np.repeat(np.arange(len(counts)), counts)
@@ -313,7 +313,7 @@ class Condenser:
         return len(np.unique(self._surface.nodes[self._is_near_track(radius, track)]))
 
     def _is_near_track(self, radius: float, track: TipTrack) -> np.ndarray:
-        """Return a mask of the facets near the tip's track, and of those on a flat below."""
+        """Return a mask of the facets near the tip's track and of all facets on a flat below."""
         surface = self._surface
         is_near = track.distance(surface.X[..., :-1]).min(axis=1) <= radius
         return np.asarray(is_near | self.is_on_flat[surface.nodes].all(axis=1))
@@ -362,7 +362,7 @@ class Condenser:
         return _sum_over_ranks(self.body.comm, is_constrained) > 0
 
     def _compliance_columns(self, candidates: np.ndarray, axes: Sequence[int]) -> ComplianceColumns:
-        """Return C, the reactions of supports and pins, and the displacements at observed dofs.
+        """Return the compliance matrix, support and pin reactions, and observed displacements.
 
         Systems are solved only for unit forces at candidates that no earlier call has included.
         """
@@ -552,7 +552,8 @@ def surface_mass_matrix(surface: Trace, weighted_areas: np.ndarray) -> csc_matri
     surface
         All facets of the surface.
     weighted_areas
-        Areas (facets, points) of the points of the contact quadrature, with their weights.
+        Areas (facets, points) that the points of the contact quadrature represent, including their
+        weights.
     """
     N = shape_functions(contact_quadrature(surface.dim)[0])
     nodes = surface.nodes

@@ -36,19 +36,20 @@ class CondensedState:
 
     @property
     def E_star(self) -> float:
-        """Contact modulus E* of the body, and of a soft tip, [pressure], constant in time."""
+        """Contact modulus E* of the body and a soft tip, constant in time [pressure]."""
         return self.scene.physics.contact_modulus
 
     def tip_displacement(self, r: np.ndarray) -> np.ndarray:
-        """Return zero, because a soft tip is a part of the displacement of this state."""
+        """Return zero, because this state's displacement includes that of a soft tip."""
         return np.zeros(r.shape)
 
     def nodal_displacement(self) -> np.ndarray:
         """Return the displacement (facets, nodes, dim) [length] with zero horizontal components.
 
-        They are not computed, because the gap of a condensed contact is that of undeformed points
-        and depends on the vertical displacement only. With a soft tip, the displacement is that of
-        the body relative to the tip. Of a body that rests on a flat, it includes the motion.
+        The horizontal components are not computed, because the gap of a condensed contact is
+        evaluated at undeformed points and depends on the vertical displacement only. With a soft
+        tip, the displacement is that of the body relative to the tip. For a body that rests on a
+        flat, it includes the rigid motion of the body.
         """
         u = np.zeros(self.trace.X.shape)
         compliance = self.contact.compliance
@@ -60,7 +61,7 @@ class CondensedState:
 
     @property
     def motion(self) -> float:
-        """Motion of a body that rests on a flat, away from the tip, without that of the spring."""
+        """Rigid motion [length] of a body that rests on a flat, in excess of that of its spring."""
         return self.contact.motion
 
     def multiplier_at(self, points: np.ndarray) -> np.ndarray:

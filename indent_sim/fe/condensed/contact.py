@@ -7,8 +7,8 @@ every contact law with a stiffness the problem is an equation in F alone,
     (or frozen, or zero).
 
 This is the full problem with displacement and multiplier eliminated, and both have the same
-solution. Forces act on the candidate nodes only; M and lam belong to the whole contact surface, so
-that no result depends on the choice of the candidates.
+solution. Forces act on the candidate nodes only; M and lam are defined on the whole contact
+surface, so that no result depends on the choice of the candidates.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ class ContactState(NamedTuple):
     slide
         Horizontal displacement of the tip from where it was pressed in [length].
     motion
-        Motion of a body that rests on a flat at which its spring is free of force [length].
+        Rigid motion of a body that rests on a flat, at which the spring is free of force [length].
     """
 
     forces: np.ndarray
@@ -81,7 +81,8 @@ class CondensedContact:
     scene
         The scene.
     iterations
-        Number of linear solves before this contact was created; the count continues from it.
+        Number of linear solves before this contact was created; the count of this contact begins at
+        this number.
     """
 
     def __init__(self, compliance: Compliance, scene: Scene, iterations: int = 0):
@@ -114,7 +115,7 @@ class CondensedContact:
 
     @property
     def F(self) -> np.ndarray:
-        """Nodal forces (nodes,), positive downwards, on a flat below upwards [force]."""
+        """Nodal forces (nodes,) into the body: downwards, on a flat below upwards [force]."""
         return self.forces[0]
 
     @property
@@ -130,20 +131,20 @@ class CondensedContact:
 
     @cached_property
     def _tip_facets(self) -> float | np.ndarray:
-        """1 on facets that the tip may touch, 0 on those on a flat below, (facets, 1) or 1."""
+        """1 on facets that the tip may touch and 0 on facets on a flat below, (facets, 1) or 1."""
         rests_on_flat = self.compliance.rests_on_flat
         return 1.0 if rests_on_flat is None else np.where(rests_on_flat, 0.0, 1.0)[:, None]
 
     @property
     def _approach(self) -> float | np.ndarray:
-        """Approach of tip or flat to the body [length], the depth or an array (facets, 1)."""
+        """Approach of tip or flat to the body [length]: the depth, or one value per facet."""
         if self.compliance.flat is None:
             return self.depth
         return self._tip_facets * (self.depth - self.motion) + (1 - self._tip_facets) * self.motion
 
     @property
     def base_approach(self) -> float:
-        """Motion of a body that rests on a flat towards it [length]; 0 for other bodies."""
+        """Motion of a body towards the flat on which it rests [length]; 0 for other bodies."""
         flat = self.compliance.flat
         return 0.0 if flat is None else self.motion + flat.spring * flat.imbalance(self.F)
 
@@ -182,7 +183,7 @@ class CondensedContact:
     def _solve_balanced(self) -> bool:
         """Solve for the contact, and for the motion of a body that rests on a flat.
 
-        The spring between body and flat starts from the motion at which it is free of force.
+        The motion at which the forces on tip and flat are equal is found by the secant method.
         """
         algorithm = CONDENSED_ALGORITHMS[self.law.multiplier]
         flat = self.compliance.flat
@@ -235,7 +236,7 @@ class CondensedContact:
         return self.friction.dissipation() if self.friction else 0.0
 
     def trial_pressure(self) -> np.ndarray:
-        """Return the trial pressure lam - epsilon_n g [pressure] of the present forces.
+        """Return the trial pressure lam - epsilon_n g [pressure] for the present forces.
 
         It is evaluated at the contact quadrature points. For nodal pressures it is evaluated at the
         nodes with a pressure unknown, with E*/h_contact in place of epsilon_n.
@@ -260,7 +261,8 @@ class CondensedContact:
     def zero_tolerance(self, norm: Callable[[np.ndarray], np.floating]) -> float:
         """Return the norm below which nodal forces count as zero, based on the last equilibria.
 
-        It is needed where a contact has opened completely, e.g. a punch retracted to zero depth.
+        This norm is needed if a contact has opened completely, e.g. under a punch retracted to zero
+        depth.
         """
         return 1e-20 * max(float(norm(F)) for F in self._recent_forces)
 
@@ -286,8 +288,8 @@ class CondensedContact:
     def quadrature(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Contact quadrature: shape functions, weighted areas and heights of the tip.
 
-        Their shapes are (points, nodes), (facets, points) and (facets, points). The heights are
-        those at the present position of the tip.
+        The shapes are (points, nodes), (facets, points) and (facets, points). The heights are
+        evaluated at the present position of the tip.
         """
         return *self._shapes_and_areas, self.tip.quadrature_heights
 
@@ -300,13 +302,13 @@ class CondensedContact:
 
     @cached_property
     def mass_matrix(self) -> csc_matrix:
-        """Mass matrix M [area] of the whole contact surface."""
+        """Mass matrix of the shape functions on the whole contact surface [area]."""
         surface = self.compliance.surface
         points, weights = contact_quadrature(surface.dim)
         return surface_mass_matrix(surface, self._weighted_areas(surface, points, weights))
 
     def project(self, F: np.ndarray) -> np.ndarray:
-        """Return M^-1 F on the whole surface for forces (n,) or (n, columns) on the candidates."""
+        """Project nodal forces (n,) or (n, columns) from the candidates to the whole surface."""
         self._mass_factor = self._mass_factor or splu(self.mass_matrix)
         nodal = np.zeros((len(self.lam), *F.shape[1:]))
         nodal[self.candidates] = F
@@ -314,7 +316,7 @@ class CondensedContact:
 
     @cached_property
     def inverse_mass(self) -> np.ndarray:
-        """Inverse mass matrix M^-1 (n, n) [1/area] of the candidates, with lam = M^-1 F."""
+        """Inverse mass matrix (n, n) of the candidate nodes, from forces to pressures [1/area]."""
         return self.project(np.eye(self.compliance.size))[self.candidates]
 
     def assemble_vector(self, local: np.ndarray) -> np.ndarray:
@@ -325,8 +327,8 @@ class CondensedContact:
         """Solve F = int <lam - epsilon_n g> N by a semismooth Newton method.
 
         A law with a multiplier is first solved with a stiffness of E*/h_contact, which gives a good
-        initial guess. If that fails, a soft contact is solved first and its stiffness increased in
-        steps.
+        initial guess. If the method fails, a soft contact is solved first, and its stiffness is
+        then increased in steps.
 
         Parameters
         ----------
@@ -356,13 +358,13 @@ class CondensedContact:
             if all(map(solve, factors)):
                 return True
         self.failure = (
-            f"the set of nodes in contact did not settle within {MAX_CONTACT_ITERATIONS} "
-            "iterations, or it recurred"
+            "the set of nodes in contact did not become constant within "
+            f"{MAX_CONTACT_ITERATIONS} iterations, or it recurred"
         )
         return False
 
     def update_multiplier(self, mixing: uzawa.Mixing) -> float:
-        """Update the multiplier; return its relative difference from the projection before that."""
+        """Update the multiplier; return the relative difference of its old value and projection."""
         before = self.lam
         image = self.project(self.F)
         change = np.linalg.norm(image - before)
@@ -472,8 +474,8 @@ class CondensedContact:
         """Return the derivative of the sum of the nodal forces with respect to the depth.
 
         It is the stiffness of the model domain [force/length], from the tangent of the present
-        equilibrium. The change of the multiplier with the depth is included, also if Uzawa's
-        iteration updates it.
+        equilibrium. The change of the multiplier with the depth is included even if Uzawa's
+        iteration updates the multiplier.
         """
         tip, from_tip = self._approach_response()
         if self.compliance.flat is None:
@@ -485,7 +487,7 @@ class CondensedContact:
         return tip - imbalance / balance * (tip - from_flat) if balance else 0.0
 
     def _approach_response(self, *, of_flat: bool = False) -> tuple[float, float]:
-        """Return the derivatives of the forces on tip and flat for an approach of one of them.
+        """Return the derivatives of the forces on tip and flat if one of them approaches the body.
 
         Parameters
         ----------
@@ -519,10 +521,11 @@ class CondensedContact:
 
     @cached_property
     def _pressure_matrices(self) -> tuple[np.ndarray, ...]:
-        """Vectors and matrices of the equations for the nodal pressures, at any place of the tip.
+        """Arrays of the equations for nodal pressures that do not depend on the tip's position.
 
-        These are the nodes with an area, the matrix Q of forces per nodal pressure, the areas, the
-        compliance Q' C Q of the weighted gaps, and the areas that the tip may touch.
+        They are the numbers of the nodes whose area is not zero, the matrix Q of nodal forces per
+        nodal pressure, the areas of these nodes, the compliance Q' C Q of the weighted gaps, and
+        the parts of the areas that the tip may touch.
         """
         N = shape_functions(split_quadrature(self.compliance.trace.dim)[0])
         W, psi = self._split_areas
@@ -552,7 +555,7 @@ class CondensedContact:
         """Return the integrals of values (facets, points) times the pressure shape functions.
 
         The points are those of the quadrature of nodal pressures; there is one integral for each
-        node with an area.
+        node whose area is not zero.
         """
         W, psi = self._split_areas
         carriers = self._pressure_matrices[0]
@@ -562,8 +565,8 @@ class CondensedContact:
     def weighted_gap_system(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Return positions (n, dim - 1) [length], weighted heights, areas and compliance A.
 
-        They refer to the n nodes with a pressure unknown p. The weighted gaps are heights - delta *
-        areas + A p >= 0, and areas . p is the force of the model domain.
+        These arrays refer to the n nodes with a pressure unknown p. The weighted gaps are heights -
+        delta * areas + A p >= 0, and areas . p is the force of the model domain.
         """
         carriers, _, areas, A, _ = self._pressure_matrices
         heights = self._weigh(self.tip.split_heights)
@@ -573,7 +576,7 @@ class CondensedContact:
         return x[carriers], heights, areas, A
 
     def solve_active_set(self) -> bool:
-        """Solve the complementarity problem of the nodal pressures p; return True.
+        """Solve the complementarity problem of the nodal pressures p; always return True.
 
         The problem is p >= 0, p G = 0 and weighted gaps G = heights - delta * areas + A p >= 0.
         """
@@ -608,8 +611,9 @@ class CondensedContact:
     def side_force(self, axis: int) -> float:
         """Return the horizontal force on the tip along an axis, of the model domain [force].
 
-        It is that of friction; if the path slides, also that of the pressure on the slope of the
-        tip, which is minus the derivative of the energy with respect to the tip's position.
+        It is the force of friction. If the load path contains a slide, it includes the force of the
+        pressure on the slope of the tip, which is minus the derivative of the energy with respect
+        to the tip's position.
         """
         friction = 0.0 if self.friction is None else float(self.forces[1 + axis].sum())
         slope_force = self._slope_force(axis) if self.scene.physics.slides else 0.0
@@ -653,7 +657,7 @@ class CondensedContact:
 def _local_matrix_entries(
     facet_nodes: np.ndarray, size: int, m: int, is_constrained: Any
 ) -> tuple[np.ndarray, ...]:
-    """Return the positions of the entries of facet matrices in the matrix of the touched nodes.
+    """Return the positions of the entries of facet matrices in a matrix of nodes in contact.
 
     Parameters
     ----------

@@ -131,7 +131,7 @@ class CondensedEquilibrium(Equilibrium):
         return self.scene.physics.domain.symmetry_factor * self.contact.tip_force
 
     def tighten_tolerance(self) -> float:
-        """Return the relative error of a force: round-off, because the solver is direct."""
+        """Return the relative round-off error of a force; the direct solver has no tolerance."""
         return 1e-10
 
     def accept(self) -> float:
@@ -305,9 +305,9 @@ class CondensedEquilibrium(Equilibrium):
 
 
 def _forces_on_surface(contact: CondensedContact, state: ContactState) -> ContactState:
-    """Return a state with its nodal forces at all nodes of the contact surface.
+    """Return a state with the nodal forces on all nodes of the contact surface.
 
-    It does not depend on the choice of the candidates.
+    This state does not depend on the choice of the candidate nodes.
     """
     nodal = np.zeros((len(state.forces), len(state.lam)))
     nodal[:, contact.candidates] = state.forces

@@ -1,4 +1,4 @@
-"""Contact of a condensed body with the flat on which it rests, evaluated as that with a plate."""
+"""Contact of a condensed body with the flat on which it rests, evaluated like that with a plate."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from indent_sim.model.tips import Plate
 
 
 class FlatContact(CondensedState):
-    """Contact of the body, turned upside down, with the flat as a plate that approaches it.
+    """Contact with the flat, treated as a plate that approaches the body turned upside down.
 
     Parameters
     ----------

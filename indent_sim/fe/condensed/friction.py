@@ -158,7 +158,7 @@ class CondensedFriction:
         )
 
     def _displacements_along_tip(self) -> np.ndarray:
-        """Nodal displacements, along the horizontal axes relative to the tip [length]."""
+        """Nodal displacements [length], of which the horizontal ones are relative to the tip."""
         u = self._nodal_displacements()
         u[1:] -= self._tip_displacement[:, None]
         return u
@@ -221,7 +221,7 @@ class CondensedFriction:
 
     @cached_property
     def _inverse_masses(self) -> np.ndarray:
-        """Block diagonal matrix of M^-1 and all M_k^-1, restricted to the candidates [1/area]."""
+        """Block diagonal matrix of the inverse mass matrices of the candidates [1/area]."""
         candidates = self._contact.candidates
         inverse_masses = np.zeros_like(self._compliance.matrix)
         unit = np.eye(self._node_count)
@@ -345,7 +345,10 @@ class CondensedFriction:
         return np.array([project(T) for project, T in zip(self._projections, forces, strict=True)])
 
     def stick_margin_at(self, points: np.ndarray) -> np.ndarray:
-        """Return friction p - |t_hat| (facets, points) [pressure], >= 0 at sticking points."""
+        """Return the stick margin, slip limit minus trial traction (facets, points) [pressure].
+
+        The margin is >= 0 at sticking points.
+        """
         return np.asarray(
             self._present_trial(
                 SurfacePoints(
@@ -387,7 +390,7 @@ class CondensedFriction:
         return float((W * (heat + is_implicit * (trial.trial_pressure <= 0) * leaving_heat)).sum())
 
     def _present_trial(self, points: SurfacePoints) -> TrialTraction:
-        """Evaluate the trial tractions of the present nodal forces; see `_evaluate_trial`."""
+        """Evaluate the trial tractions for the present nodal forces; see `_evaluate_trial`."""
         u = self._nodal_displacements()
         lam = self._contact.lam[self._contact.candidates]
         trial_pressure = lam - self._law.stiffness * u[0]

@@ -12,7 +12,7 @@ from indent_sim.scene.scene import Scene
 
 
 class PlacedTip:
-    """The tip at one horizontal position; a tip that slides is placed anew at each position.
+    """The tip at one horizontal position; for a sliding tip each position has a new object.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ class PlacedTip:
         return self._heights_from(points, self.center)
 
     def height_derivatives(self, points: np.ndarray, axis: int) -> np.ndarray:
-        """Return d(heights)/d(position of the tip along a horizontal axis), (facets, points)."""
+        """Return the derivatives of the heights (facets, points) by the position of the tip."""
         # Central difference of the heights, which are smooth except at an apex or an edge.
         step = 1e-5 * self._scene.sizes.h_contact
         before, after = (

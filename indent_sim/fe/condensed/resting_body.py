@@ -8,10 +8,10 @@ surfaces move into the body by
 
 where C is the compliance of the pinned body and c that of a spring between pin and flat. The rigid
 motion of the body towards the flat is t = t_0 + c s.F. The start t_0 of the spring is moved until
-it has no force, so that the forces on tip and flat are equal (`CondensedContact`). The contact
-methods see one compliance and one surface. Each contact displaces the other one through the
-compliance, which two contacts in series neglect: they are the limit of contacts that are small
-against the body.
+it has no force, so that the forces on tip and flat are equal (`CondensedContact`). For the contact
+methods there is a single compliance and a single surface. Each contact displaces the
+surface of the other contact through the compliance. The theory of two contacts in series neglects
+this effect; it is the limit of contacts that are small compared with the body.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ SPRING_FACTOR = 10.0
 class RestingBodyCondenser:
     """Condenser of an axisymmetric body and of the contact with the flat on which it rests.
 
-    It has the members of `Condenser` that the equilibrium uses.
+    The class has all members of `Condenser` that the equilibrium uses.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ class RestingBodyCondenser:
     def condense(self, radius: float, track: TipTrack, axes: Sequence[int]) -> Compliance:
         """Return the compliance of the top near the axis and of the whole base.
 
-        Parameters as in `Condenser.condense`.
+        The parameters are those of `Condenser.condense`.
         """
         pinned = self._condenser.condense(radius, track, axes)
         if self._compliance is not None and pinned is self._pinned:
@@ -81,7 +81,7 @@ class RestingBodyCondenser:
         return self._compliance
 
     def _contact_compliance(self) -> float:
-        """Return 1/(2 E* (a + a_base)) of the expected contacts [length/force]."""
+        """Return the compliance 1/(2 E* (a + a_base)) of both expected contacts [length/force]."""
         scene = self.body.scene
         a = scene.plan.prediction["a"] / scene.physics.scales.length
         base = scene.sizes.base_contact
@@ -89,7 +89,7 @@ class RestingBodyCondenser:
         return 1 / (2 * scene.physics.material.E_star * (a + a_base))
 
     def _turn_base(self, trace: Trace, is_on_flat: np.ndarray) -> Trace:
-        """Return the trace with the heights of its base above the flat as negative heights."""
+        """Return the trace, with the heights of its base above the flat as negative heights."""
         X = trace.X.copy()
         on_flat = is_on_flat[trace.nodes].all(axis=1)
         X[on_flat, :, -1] = -(X[on_flat, :, -1] + self._height)
@@ -97,7 +97,7 @@ class RestingBodyCondenser:
 
     @property
     def observed_dofs(self) -> np.ndarray:
-        """Local positions of the displacements of the surface, see `Condenser`."""
+        """Local positions of the displacements of the surface; see `Condenser`."""
         return self._condenser.observed_dofs
 
     def local_displacements(

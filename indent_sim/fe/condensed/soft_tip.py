@@ -10,9 +10,9 @@ The resultant and the work of the pressure are conserved, and both surfaces appr
 
     C = C_1 + P^T C_2 P,
 
-which is all that the contact needs. Interpolating the tip's displacement instead would let a finer
-tip see point loads: the force is then 1 % wrong. Source: Wriggers, Computational Contact Mechanics
-(2006), 8.4 (mortar method).
+which is all that the contact needs. If the displacement of the tip were interpolated instead, a
+finer mesh of the tip would be loaded by point forces, and the force would be 1 % wrong. Source:
+Wriggers, Computational Contact Mechanics (2006), 8.4 (mortar method).
 """
 
 from __future__ import annotations
@@ -43,8 +43,8 @@ EDGE_TOLERANCE = 1e-9
 class SoftTipCondenser:
     """Condenser of an axisymmetric body and of the soft tip above it.
 
-    It has the members of `Condenser` that the equilibrium uses; supports, stored displacements and
-    recovered fields are those of the body.
+    The class has all members of `Condenser` that the equilibrium uses. Supports, stored
+    displacements and recovered fields are those of the body.
 
     Parameters
     ----------
@@ -77,7 +77,8 @@ class SoftTipCondenser:
     def condense(self, radius: float, track: TipTrack, axes: Sequence[int]) -> Compliance:
         """Return the compliance of both surfaces at the nodes of the body near the axis.
 
-        Parameters as in `Condenser.condense`; radius [length of the body].
+        The parameters are those of `Condenser.condense`; the radius is in the body's unit of
+        length.
         """
         rigid_tip = self.body_condenser.condense(radius, track, axes)
         if self._compliance is not None and rigid_tip is self._rigid_tip:
@@ -94,7 +95,7 @@ class SoftTipCondenser:
         return self._compliance
 
     def _mortar_projection(self, body: Compliance, tip: Trace) -> np.ndarray:
-        """Return the mortar projection P (tip nodes, candidates of the body).
+        """Return the mortar projection matrix P (tip nodes, candidates of the body).
 
         P maps nodal forces on the body to the nodal forces on the tip.
         """
@@ -117,19 +118,19 @@ class SoftTipCondenser:
         # The pressure ends in a step at the edge of the tip. Continued beyond it, a part of the
         # force would be lost.
         end = float(tip.X[..., 0].max()) * self._length_ratio
-        is_inside = (surface.X[..., 0] <= end * (1 + EDGE_TOLERANCE)).all(axis=1)
+        is_inside = np.all(surface.X[..., 0] <= end * (1 + EDGE_TOLERANCE), axis=1)
         inside = np.unique(surface.nodes[is_inside])
         mass = surface_mass_matrix(surface.select_facets(is_inside), areas[is_inside])
         pressures = splu(csc_matrix(mass[inside][:, inside])).solve(forces[inside])
         return np.asarray(mixed[:, inside] @ pressures)
 
     def _tip_forces(self, nodal_forces: np.ndarray) -> np.ndarray:
-        """Return the nodal forces on the tip for those on the candidates [force of the body]."""
+        """Return the nodal forces on the tip from those on the body [force of the body]."""
         return self._transfer @ nodal_forces
 
     @property
     def observed_dofs(self) -> np.ndarray:
-        """Local positions of the displacements of the body's surface, see `Condenser`."""
+        """Local positions of the displacements of the body's surface; see `Condenser`."""
         return self.body_condenser.observed_dofs
 
     def tip_sink(self, nodal_forces: np.ndarray) -> float:
@@ -149,8 +150,8 @@ class SoftTipCondenser:
     def tip_displacement(self, r: np.ndarray, nodal_forces: np.ndarray) -> np.ndarray:
         """Return the displacement of the tip's surface towards its holder at radii r [length].
 
-        It is constant beyond the nodes of the tip that the body may touch, where the tip ends or is
-        far from the body.
+        The displacement is constant beyond the nodes of the tip that the body may touch, where the
+        tip ends or is far from the body.
         """
         assert self._tip_compliance is not None
         trace = self._tip_compliance.trace
@@ -207,7 +208,7 @@ def _shape_functions_at(trace: Trace, r: np.ndarray, unit: float, count: int) ->
 
 
 def _surface_metric(trace: Trace, r: np.ndarray) -> np.ndarray:
-    """Return the length of the surface per radius at radii r, 1 on a flat top."""
+    """Return the length of the surface per unit radius at radii r; it is 1 on a flat top."""
     facets, x = _facets_at(trace, r, 1.0)
     first, second, midpoint = np.moveaxis(trace.X[facets], 1, 0)
     curvature = 2 * (first + second - 2 * midpoint)

@@ -1,7 +1,7 @@
 """Interface of a body whose equilibrium at a depth can be solved and restored.
 
-`LoadStepper` uses it; `fe.solve` implements it for the whole mesh, `fe.condensed` for a body
-condensed to its contact surface.
+`LoadStepper` uses this interface. `fe.solve` implements it for the whole mesh, and `fe.condensed`
+for a body condensed to its contact surface.
 """
 
 from __future__ import annotations
@@ -106,7 +106,7 @@ class Equilibrium(Protocol):
         return []
 
     def unpack(self, depth: float, arrays: Sequence[np.ndarray], t: float = 0.0) -> Any:
-        """Return the snapshot stored in packed arrays; None if they do not fit this body."""
+        """Return the snapshot stored in packed arrays; None if the arrays do not fit this body."""
         return None
 
     def state_values(self) -> dict[str, Any]:
@@ -114,7 +114,7 @@ class Equilibrium(Protocol):
 
 
 def moment_values(moment: float, force: float) -> dict[str, float]:
-    """Return the moment on the tip and the place of the resultant force, by the names of State.
+    """Return the moment on the tip and the place of the resultant force, keyed as in `State`.
 
     Parameters
     ----------
@@ -129,7 +129,7 @@ def moment_values(moment: float, force: float) -> dict[str, float]:
 def lateral_imbalance(
     scene: Scene, support_reactions: Mapping[SurfaceComponent, float], push: float
 ) -> dict[str, float]:
-    """Return the horizontal forces on the body that do not balance [force]; {} without a slide.
+    """Return the resultant horizontal force on the body, 0 in equilibrium; {} without a slide.
 
     Parameters
     ----------
@@ -154,7 +154,7 @@ def lateral_imbalance(
 def state_reactions(
     part: ModelDomain, support_reactions: Mapping[SurfaceComponent, float]
 ) -> dict[str, Any]:
-    """Return the reactions [force] of a `State`: the sum along z, and that of each support.
+    """Return the reactions [force] of a `State`: their sum along z, and that of each support.
 
     Parameters
     ----------

@@ -52,8 +52,8 @@ def failed_state(
     cause
         Reason why the solution failed.
     inverted
-        Points with the smallest J and the largest stretch of the last equilibrium; None if J > 0
-        everywhere.
+        Points with the smallest J and the largest stretch of the last equilibrium; None if no
+        element is inverted.
     cost
         Newton iterations and time since the beginning of the run [s].
     """
@@ -100,7 +100,7 @@ def failed_state(
 
 
 def _solvent_text(scene: Scene, inverted: InvertedElements) -> str:
-    """Return how much solvent a gel that shrinks has at the smallest J; "" if no gel shrinks."""
+    """Return a text on the solvent left in a gel at the smallest J; "" if no gel shrinks."""
     law = scene.physics.material
     if not (isinstance(law, Gel) and scene.physics.is_swelling and inverted.J < 1):
         return ""
@@ -109,7 +109,7 @@ def _solvent_text(scene: Scene, inverted: InvertedElements) -> str:
 
 
 def _advice(scene: Scene) -> str:
-    """Return the end of the message, which names changes of the scene that may help."""
+    """Return the end of the message on a failure: changes of the scene that may help."""
     rounding_key = next(
         (key for key in ("tip_radius", "edge_radius") if getattr(scene.physics.indenter, key, 0.0)),
         None,

@@ -9,7 +9,7 @@ If time passes, the force-depth curve and its depth of zero force change with ev
 depth is then found by the secant method, starting from the depth of the previous increment.
 
 An adhesive tip is pulled towards the body at first contact, delta = 0. The force at first contact
-is subtracted, so that this curve also begins at zero and grows with the depth.
+is subtracted, so that the curve of an adhesive tip also begins at zero and grows with the depth.
 """
 
 from __future__ import annotations
@@ -38,8 +38,8 @@ class LoadControl:
     deepest
         Largest trial depth [length].
     starts_from_row
-        True for a path-dependent body: every trial starts from the last accepted row, so that a
-        depth that failed once is not tried again.
+        True for a path-dependent body: every trial starts from the equilibrium of the last accepted
+        row, so that a depth at which the solution failed is not tried again.
     slack
         Relative error of the force that is accepted where no floating-point number lies between two
         trial depths.
@@ -82,12 +82,13 @@ class LoadControl:
         delta
             First trial depth [length].
         slope
-            Slope of the curve if none is known from the previous row [force/length].
+            Slope of the curve [force/length], used if no slope is known from the previous row.
 
         Returns
         -------
         bool
-            True if the body is in equilibrium at this force; otherwise `failure` says why not.
+            True if the body is in equilibrium at this force; otherwise `failure` contains the
+            reason.
         """
         tried_points = list[ForceDepth]()
         lower = -math.inf
@@ -112,7 +113,7 @@ class LoadControl:
             if math.isfinite(upper - lower) and upper - lower <= 4e-16 * max(
                 abs(upper), abs(lower)
             ):
-                self.failure = "the force is a discontinuous function of the depth there"
+                self.failure = "near this force, the force is a discontinuous function of the depth"
                 return abs(reached_force - force) <= self._slack * (force + pull)
             if (
                 len(tried_points) > 1
@@ -161,7 +162,8 @@ class LoadControl:
         Returns
         -------
         bool
-            True if the body is in equilibrium at this force; otherwise `failure` says why not.
+            True if the body is in equilibrium at this force; otherwise `failure` contains the
+            reason.
         """
         if self._touch_pull is not None:
             if force < -self._touch_pull:
@@ -220,14 +222,14 @@ class LoadControl:
                 "this force is not reached even with the tip close to the base of the body"
             )
         elif upper <= lower * (1 + 4e-16):
-            self.failure = "the force is a discontinuous function of the depth there"
+            self.failure = "near this force, the force is a discontinuous function of the depth"
         else:
             return False
         return True
 
 
 def predict_depth(force: float, points: Sequence[ForceDepth]) -> float | None:
-    """Return the depth of a force by inverse interpolation; None without any points.
+    """Return the depth of a force by inverse interpolation; None if no point is known.
 
     A parabola interpolates the logarithms of the three nearest points. Far outside of the known
     forces, a power law through the nearest two points is used instead.

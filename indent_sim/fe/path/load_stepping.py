@@ -39,6 +39,8 @@ from indent_sim.model.state import PullOff, State
 
 # Largest number of halvings of a time step in which the depth of a prescribed force is not found.
 MAX_HALVINGS = 4
+# Largest number of attempts to place a row of unloading of a body that yields.
+MAX_PLACEMENTS = 4
 
 
 @dataclass(frozen=True)
@@ -149,7 +151,7 @@ class LoadStepper:
 
     @property
     def _last_point(self) -> EquilibriumPoint:
-        """The last accepted equilibrium, after acceptance of a pending one.
+        """The last equilibrium, which is accepted first if its acceptance is still pending.
 
         Read this property only after all results of the increment have been evaluated.
         """
@@ -180,7 +182,8 @@ class LoadStepper:
     def points(self) -> list[tuple[float, float, list[np.ndarray]]]:
         """Depth, time and packed state arrays of the last equilibria, as stored in a checkpoint.
 
-        For a path-dependent body the last of them is that of the last row of the results.
+        For a path-dependent body the last of them is the equilibrium of the last row of the force
+        table.
         """
         points = self._row_points if self._has_memory else self._points
         packed = [
@@ -217,7 +220,7 @@ class LoadStepper:
         later_load_points
             Depth [length], time and slide [length] of each load point after the checkpoint.
         step
-            Row at which the earlier run stopped, counted from 1.
+            Number of the row of the force table, counted from 1, at which the earlier run stopped.
 
         Returns
         -------
@@ -273,7 +276,7 @@ class LoadStepper:
         packed
             `pull_off_points` of the earlier run.
         step
-            Row at which it stopped, counted from 1.
+            Number of the row of the force table, counted from 1, at which that run stopped.
 
         Returns
         -------
@@ -313,8 +316,8 @@ class LoadStepper:
         Returns
         -------
         PullOff or None
-            Pull-off in nondimensional units; None if no row with a tensile force has unloading rows
-            on both sides.
+            Pull-off in nondimensional units; None if no row with a tensile force lies between two
+            rows of unloading.
 
         Raises
         ------
@@ -401,7 +404,8 @@ class LoadStepper:
         path
             Prescribed depths or forces.
         wants_surface
-            Function that returns whether the surface table of a row (number) is to be computed.
+            Function of the number of a row that returns whether the surface table of this row is
+            needed.
         done
             Number of values that an earlier run has finished.
 
@@ -471,11 +475,12 @@ class LoadStepper:
             yield State(step=step, delta=depths[-1], surface=surface, **values)
 
     def _step_back(self, unloading: Unloading, step: int, depths: Sequence[float]) -> int:
-        """Step to the next row of unloading of a body that yields; return the increments made.
+        """Solve the next row of unloading of a body that yields; return its number of increments.
 
         The rows divide the depth that the body recovers into equal parts. This depth is searched
         for before the first row, and again before the last one, since the reverse flow of the rows
-        between them changes it. If contact is lost before, the remaining rows are placed anew.
+        between them changes it. If contact is lost earlier than expected, the remaining rows are
+        distributed anew; if the tip still touches the body at the last row, it is lifted further.
 
         Parameters
         ----------
@@ -499,28 +504,34 @@ class LoadStepper:
             else row_depth - rows_left * (depths[-2] - row_depth)
         )
         substeps = 0
-        # The rows are placed once more where contact was lost too early.
-        for _ in range(2):
+        for _ in range(MAX_PLACEMENTS):
             if end is None:
                 return 0
-            substeps = self._step_to(LoadPoint(row_depth - (row_depth - end) / rows_left))
-            if not substeps or rows_left == 1 or self.equilibrium.force > 0:
+            increments = self._step_to(LoadPoint(row_depth - (row_depth - end) / rows_left))
+            if not increments:
+                return 0
+            substeps += increments
+            is_touching = self.equilibrium.force > 0
+            # The last row is where contact is lost, all others are before.
+            if is_touching == (rows_left > 1) or (rows_left == 1 and end <= unloading.to):
                 break
-            self._restore_equilibria(self._row_points)
+            if rows_left > 1:
+                self._restore_equilibria(self._row_points)
+                substeps = 0
             end = self._end_of_unloading(unloading.to)
         return substeps
 
     def _end_of_unloading(self, to: float) -> float | None:
         """Return the depth at which unloading from the last row ends; None if it is not found.
 
-        The tip is lifted until contact is lost. Since the body then is at rest, the depth at
-        which the force has become zero is that of the tip plus the smallest gap. Afterwards the
-        body is returned to the last row.
+        The tip is lifted until contact is lost. The body then no longer moves, so that contact was
+        lost at the depth of the lifted tip plus the smallest gap. Afterwards the equilibrium of the
+        last row is restored.
 
         Parameters
         ----------
         to
-            Depth at which unloading ends at the latest [length].
+            Smallest depth of unloading [length].
         """
         self._accept_pending()
         row_points = self._points
@@ -545,7 +556,7 @@ class LoadStepper:
         return end
 
     def _restore_equilibria(self, points: list[EquilibriumPoint]) -> None:
-        """Return to the last one of these equilibria, without a trace of later increments."""
+        """Restore the last of the given equilibria and discard all increments after it."""
         self._points = points
         self._pending_point = None
         self.restore_last()
@@ -558,7 +569,7 @@ class LoadStepper:
         halvings: int = MAX_HALVINGS,
         slide: float = 0.0,
     ) -> int:
-        """Find the equilibrium at a force and a time; return the increments made, 0 on failure.
+        """Find the equilibrium at a force and time; return the number of increments, 0 on failure.
 
         A time step in which the depth of the force is not found is halved; the force is linear in
         time within the step.
@@ -585,7 +596,7 @@ class LoadStepper:
         return last_substeps and first_substeps + last_substeps
 
     def _find_depth_of_force(self, force: float, t: float, step: int, slide: float) -> int:
-        """Search for the depth of a force at a time; return the increments made, 0 on failure."""
+        """Find the depth of a force at a time; return the number of increments, 0 on failure."""
         self._accept_pending()
         self._search_points = self._points
         substeps = self._substeps
@@ -619,16 +630,17 @@ class LoadStepper:
         return self._substeps - substeps
 
     def _find_depth_of_yielding_body(self, force: float, expected: float) -> bool:
-        """Find the depth of a force from the last row of a body that yields; True if found.
+        """Find the depth of a force on a body that yields; return True if it was found.
 
-        Loading and unloading are different curves, which both begin at the last row. The force
-        jumps at a depth from which on there is one more increment. A force within this jump is
-        searched for again, with the same number of increments to every trial depth.
+        Loading and unloading follow different curves, which both begin at the equilibrium of the
+        last row. The computed force jumps at a depth beyond which one more increment is used. A
+        force within this jump is searched for again, with the same number of increments to every
+        trial depth.
 
         Parameters
         ----------
         force
-            Prescribed force [force]; 0: contact is just lost.
+            Prescribed force [force]; at 0 contact is just lost.
         expected
             Expected depth of the first row [length].
         """
@@ -659,7 +671,7 @@ class LoadStepper:
         return is_found
 
     def _find_first_contact(self) -> bool:
-        """Find the depth at which the tip just touches a body that changes in time; True if found.
+        """Find the depth at which the tip just touches a time-dependent body; return True if found.
 
         The tip is lifted clear of the body for the time step, and the remaining gap is then
         subtracted. The lift is doubled until the tip does not touch the body.
@@ -691,7 +703,7 @@ class LoadStepper:
     def _step_to_depth(self, delta: float) -> ForceDepth:
         """Step to a depth, or as close as an equilibrium exists; return force and depth there.
 
-        For a path-dependent body the stepping starts at the last row.
+        For a path-dependent body the stepping starts at the equilibrium of the last row.
         """
         if self._has_memory:
             self._restore_equilibria(self._search_points)
@@ -769,8 +781,9 @@ class LoadStepper:
     def _attraction_threshold(self, target_point: LoadPoint) -> LoadPoint | None:
         """Return the load point before the target at which the tip begins to act on the body.
 
-        It is first contact, or for an adhesive tip the depth at which the attraction begins. None
-        if this depth is not passed, or if the target is at a later time than the present state.
+        At this point the tip touches the body, or the attraction of an adhesive tip begins. The
+        result is None if no such point is passed, or if the target is at a later time than the
+        present state.
         """
         attraction_depth = self._start_point.delta
         last_depth = self._last_point.delta
@@ -808,7 +821,8 @@ class LoadStepper:
 
         If the speed of the tip has changed, as at the beginning of a hold, no extrapolation is
         made, because it would be wrong. Nor is one made for a body that yields: a small error of an
-        extrapolated displacement is many yield strains, and a loop took twice the iterations.
+        extrapolated displacement amounts to many yield strains, and a cycle of loading and
+        unloading took twice the iterations.
         """
         delta = load_point.delta
         dt = load_point.t - self._last_point.load_point.t

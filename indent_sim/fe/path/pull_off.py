@@ -102,7 +102,8 @@ class UnloadingBranch:
     def bracket(self) -> tuple[PullPoint, PullPoint, PullPoint] | None:
         """Three points around the smallest force in the order of the path.
 
-        None if one of them is missing, or if the smallest force is not tensile.
+        The result is None if one of these points is missing, or if the smallest force is not
+        tensile.
         """
         before = self.before
         lowest = self.lowest
@@ -148,7 +149,8 @@ class LargestPull:
     point
         The equilibrium with the smallest force that was found.
     error
-        Bound on the difference from the true smallest force [force]; infinite without an estimate.
+        Bound on the difference from the true smallest force [force]; infinite if there is no
+        estimate.
     equilibria
         Number of equilibria that were solved.
     """
@@ -215,8 +217,7 @@ def find_largest_pull(
 class _Bracket:
     """Three equilibria around the smallest force in the order of the path: inner, best, outer.
 
-    `best` has the smallest force. `earlier` is the equilibrium before `inner`; None if there is
-    none.
+    `best` has the smallest force. `earlier` is the equilibrium before `inner`, or None.
     """
 
     inner: PullPoint
@@ -268,7 +269,7 @@ class _Bracket:
         return parabola.delta
 
     def narrowed(self, point: PullPoint) -> _Bracket:
-        """Return the smaller bracket that results from one more equilibrium inside this one."""
+        """Return the smaller bracket that follows from one more equilibrium inside it."""
         is_inside = point.delta > self.best.delta
         is_lower = point.force < self.best.force
         if is_inside and is_lower:
@@ -290,7 +291,7 @@ class _Bracket:
         point
             The equilibrium that was solved last.
         predicted
-            The parabola through the previous bracket; None if there was none.
+            The parabola through the previous bracket; None for the first bracket.
         """
         if self.has_fold:
             return self._fold_error_bound

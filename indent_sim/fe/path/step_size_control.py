@@ -37,7 +37,8 @@ class StepSizeControl:
     always_tried_step
         Increments down to this length are tried, however long the distance to the target is.
     slides_around_edge
-        True if the surface slides around the edge of a punch, whose path is given up earlier.
+        True if the surface slides around the edge of a punch, in which case a path is given up
+        earlier.
     """
 
     def __init__(
@@ -61,7 +62,7 @@ class StepSizeControl:
         self._max_failed_iterations = MAX_FAILED_ITERATIONS
 
     def begin_target(self, distance: float) -> None:
-        """Begin the increments to a target at this distance."""
+        """Begin the increments to a target at the given distance."""
         self._smallest_step = min(SMALLEST_STEP_FRACTION * abs(distance), self._always_tried_step)
         self._failures = 0
         self._failed_iterations = 0

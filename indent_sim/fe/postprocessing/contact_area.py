@@ -26,7 +26,7 @@ from indent_sim.model.tips import FlatPunch, sharp_edge_radius
 def contact_area(
     body: ObservedBody, X: np.ndarray, positions: np.ndarray, trial_pressure: np.ndarray
 ) -> float:
-    """Contact area of the whole body: the area where p_hat > 0 (collective).
+    """Contact area of the whole body, where the trial pressure is positive (collective).
 
     Parts of the surface that are folded over are not counted.
 
@@ -134,8 +134,9 @@ def whole_face_area(body: ObservedBody, X: np.ndarray, trial_pressure: np.ndarra
 def area_in_circle(corners: np.ndarray, radius: float) -> np.ndarray:
     """Area of the parts of triangles (*, 3, 2) inside a circle about the origin [length^2].
 
-    It is negative if the corners are in clockwise order. Each side contributes the area between it
-    and the origin: a triangle where the side is inside the circle, a circular sector elsewhere.
+    It is negative if the corners are in clockwise order. Each side of a triangle contributes the
+    area between this side and the origin: a triangle where the side is inside the circle, a
+    circular sector elsewhere.
     """
     start = corners
     end = np.roll(corners, -1, axis=-2)
@@ -175,7 +176,9 @@ def _signed_area(corners: np.ndarray) -> np.ndarray:
 
 
 def _positive_length(body: ObservedBody, ends: np.ndarray, trial_pressure: np.ndarray) -> float:
-    """Length of the parts of segments with p_hat > 0; p_hat is linear in each segment.
+    """Length of the parts of segments in which the trial pressure is positive.
+
+    The trial pressure is linear in each segment.
 
     For an axisymmetric body the area of the corresponding rings is returned.
     """
@@ -196,7 +199,7 @@ def _segment_measure(body: ObservedBody, begin: np.ndarray, end: np.ndarray) -> 
 
 
 def _positive_area(corners: np.ndarray, trial_pressure: np.ndarray) -> float:
-    """Area of the parts of triangles with p_hat > 0; p_hat is linear in each triangle."""
+    """Area of the parts of triangles with positive trial pressure, linear in each triangle."""
     area = np.abs(_signed_area(corners))
     a, b, c = np.moveaxis(np.sort(trial_pressure, axis=-1), -1, 0)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -215,9 +218,9 @@ def edge_corrected_pressure(
 ) -> np.ndarray:
     """Trial pressure, set to a tiny positive value where the gap at a tip's edge is almost closed.
 
-    Under surface tension the edge of a tip exerts a line force. Its discrete pressure is spread
-    over elements next to the edge, whose gaps therefore open by up to EDGE_GAP_FRACTION of the
-    depth.
+    Under surface tension the edge of a tip exerts a line force. The discrete pressure of this line
+    force is spread over elements next to the edge, whose gaps therefore open by up to
+    EDGE_GAP_FRACTION of the depth.
     """
     if not body.scene.physics.surface_tension or body.scene.sizes.punch_edge is None:
         return trial_pressure
@@ -262,7 +265,7 @@ def edge_pressure_step(body: ObservedBody, size: float, force: float) -> float:
 
 
 def _membrane_edge_ratio(body: ObservedBody, a: float) -> float:
-    """Pressure at the edge over mean pressure of a membrane that touches the tip up to a radius.
+    """Ratio of edge pressure to mean pressure of a membrane that touches the tip up to a radius.
 
     A membrane with the tension gamma has the pressure gamma (f'' + f'/r) below a tip with the
     height f(r), and the mean pressure 2 gamma f'(a)/a; in plane strain these are gamma f'' and
@@ -309,7 +312,7 @@ def contact_area_within_step(
     trial_pressure : ndarray, (facets, points)
         Trial pressure p_hat [pressure].
     size : float
-        Area or width where p_hat > 0, which is returned without a step.
+        Area or width where p_hat > 0, which is returned if the pressure has no step.
     force : float
         Contact force on this area or width.
     """

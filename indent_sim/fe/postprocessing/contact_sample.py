@@ -32,8 +32,8 @@ class ObservedBody(Protocol):
     friction : object or None
         `shear_at(points)` is the tangential multiplier tau (facets, points, axes) [pressure].
         `stick_margin_at(points)` is friction p - |t_hat| (facets, points) [pressure], >= 0 where
-        the surface sticks; only `contact_values` needs this method. `CondensedState` has it, but
-        not the whole body recovered for tables and fields.
+        the surface sticks; only `contact_values` needs this method. `CondensedState` has this
+        method; the whole body that is recovered for tables and fields does not.
     fluid : object or None
         `pressure_at(points)` is the pore pressure (facets, points) relative to the bath [pressure].
     """
@@ -115,7 +115,7 @@ def sample_contact(body: ObservedBody, points: np.ndarray) -> ContactSample:
 def touching_corners(body: ObservedBody) -> np.ndarray:
     """Mask (facets, corners) of the corners of contact facets that are in contact.
 
-    The criterion is that of the contact radius: p_hat > 0, up to round-off.
+    The criterion is the same as for the contact radius: p_hat > 0, up to round-off.
     """
     trial_pressure = sample_contact(body, body.trace.node_points()[: body.trace.dim]).trial_pressure
     return np.asarray(trial_pressure > PRESSURE_ROUNDOFF * body.E_star)

@@ -84,7 +84,7 @@ class Fields:
         return expressions
 
     def _cell_expressions(self, strain: Any, sample: Any) -> list[Any]:
-        """Stress, J, psi and, with pore fluid or yield, its content or strain, as UFL scalars."""
+        """UFL scalars: stress, J, psi and, if present, fluid content or plastic strain."""
         fluid = self.body.fluid
         stress = sample.stress if fluid is None else total_stress(self.body, strain)
         content = [] if fluid is None else [fluid.content_in(strain.region)]
@@ -192,7 +192,11 @@ class Fields:
         return node[body.trace.nodes[:, :dim]].ravel(), tractions.reshape(-1, tractions.shape[-1])
 
     def _cell_values(self) -> np.ndarray:
-        """Stress, swelling, J, psi; with fluid its content, with yield alpha (cells, 12 or 13)."""
+        """Values of this rank's cells (cells, 12 or 13).
+
+        They are the stress, the swelling, J and psi, followed by the fluid content or the
+        equivalent plastic strain of a body that has one.
+        """
         width = 11 + (self.body.fluid is not None) + self.body.scene.physics.yields
         values = np.zeros((len(self.body.mesh.topology.original_cell_index), 1 + width))
         for (expression, weights, cells), strain in zip(

@@ -50,7 +50,8 @@ def contact_values(body: ObservedBody, force: float) -> dict[str, float]:
         [length]. p_hat is interpolated linearly in the simplices into which a facet is divided.
         With a current gap, the region on the deformed surface is projected on the horizontal plane.
         If the whole face of a tip with a sharp edge is in contact, the area of the face is used
-        (`whole_face_area`). 0 for delta <= 0 unless the tip adheres or the body swells.
+        (`whole_face_area`). The radius is 0 for delta <= 0 unless the tip adheres or the body
+        swells.
     p_max : float
         Peak pressure over contact quadrature points and nodes [pressure]; NaN where the pressure is
         unbounded (`Scene.has_peak_pressure`).
@@ -123,10 +124,10 @@ def _peak_of_facet_means(
 ) -> np.ndarray:
     """Estimates (facets + 1,) of the peak pressure from the mean pressure of each facet [pressure].
 
-    The mean over a facet of the size h at the apex of a round tip is lower than the peak p by
-    (p - p_edge) (h/a)^2/6 if the pressure is p_edge + (p - p_edge) (1 - r^2/a^2)^(1/2), with the
-    step p_edge at the contact edge. The peak is at least the mean over the contact area, the last
-    entry, which is larger than the others if the contact is smaller than a facet.
+    The mean over a facet of the size h at the apex of a round tip is lower than the peak p by (p -
+    p_edge) (h/a)^2/6 if the pressure is p_edge + (p - p_edge) (1 - r^2/a^2)^(1/2), with the step
+    p_edge at the contact edge. The last entry is the mean over the contact area, a lower bound of
+    the peak; it is the largest entry if the contact is smaller than a facet.
     """
     if not size:
         return means
@@ -137,7 +138,7 @@ def _peak_of_facet_means(
 
 
 def _may_touch_unindented(body: ObservedBody, pressure: np.ndarray) -> bool:
-    """Return whether there may be contact at delta <= 0, by adhesion or swelling (collective)."""
+    """Return whether there may be contact at delta <= 0 by adhesion or swelling (collective)."""
     physics = body.scene.physics
     if not physics.is_time_dependent:
         return physics.contact.may_snap_through
@@ -148,7 +149,7 @@ def _may_touch_unindented(body: ObservedBody, pressure: np.ndarray) -> bool:
 def _roughness_amplitude(
     body: ObservedBody, sample: ContactSample, positions: np.ndarray, first_node: int
 ) -> float:
-    """Amplitude of the pressure's oscillation [pressure] on rank 0, else 0 (collective).
+    """Amplitude of the pressure's oscillation on rank 0 [pressure], 0 elsewhere (collective).
 
     Parameters
     ----------

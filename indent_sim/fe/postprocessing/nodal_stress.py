@@ -3,7 +3,7 @@
 The stress of quadratic elements is most accurate at certain points inside a cell, as many as it has
 vertices. It is extrapolated linearly from these points to the vertices, and averaged there over the
 cells of one region, weighted by volume. At an interface, where the stress jumps, each region has
-vertices of its own (`grid.split_at_interfaces`). Source: Hinton & Campbell (1974), Int. J. Numer.
+separate vertices (`grid.split_at_interfaces`). Source: Hinton & Campbell (1974), Int. J. Numer.
 Methods Eng. 8, 461; Zienkiewicz, Taylor & Zhu (2013), The Finite Element Method, 15.
 """
 

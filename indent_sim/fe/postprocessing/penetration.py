@@ -18,7 +18,7 @@ from indent_sim.fe.surface import Trace
 
 
 def penetration(body: ObservedBody) -> float:
-    """Largest penetration <-g> at contact quadrature points and nodes [length] (collective)."""
+    """Largest penetration at contact quadrature points and nodes [length] (collective)."""
     points = np.vstack([contact_quadrature(body.trace.dim)[0], body.trace.node_points()])
     return max_over_ranks(body, (-gap(body, points)).max(initial=0.0))[0]
 
@@ -39,7 +39,7 @@ def penetration_outside_contact_surface(
     noncontact_trace : Trace
         The surface without contact.
     solution : ndarray
-        Local solution array of the body, or the part of it on this surface [length].
+        Local solution array of the body, or the part of the array on this surface [length].
     """
     points = contact_quadrature(body.trace.dim)[0]
     u = noncontact_trace.interpolate(solution[noncontact_trace.dofs], points)
@@ -79,7 +79,10 @@ def overlap_depth(body: ObservedBody, positions: np.ndarray, gap: np.ndarray) ->
 
 
 def _depth_inside_tip(body: ObservedBody, positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Depth z + delta - f of positions inside the tip, and distance from its axis [length]."""
+    """Depth of positions inside the tip, and their distance from its axis [length].
+
+    The depth is z + delta - f, with the height f of the tip's surface above its apex.
+    """
     horizontal = body.scene.physics.domain.kinematics.horizontal_position(
         components_first(positions), body.tip_center
     )

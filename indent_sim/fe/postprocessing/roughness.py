@@ -61,7 +61,9 @@ def build_patches(X: np.ndarray) -> Patches:
 
 
 def _reading_nodes(nodal: np.ndarray) -> np.ndarray:
-    """Return the values at the nodes used for the roughness: on triangles the midpoints only.
+    """Return the values at the nodes from which the roughness is computed.
+
+    On triangles these are only the midpoints of the edges.
 
     See `interpolate_from_midpoints`.
     """
@@ -69,7 +71,7 @@ def _reading_nodes(nodal: np.ndarray) -> np.ndarray:
 
 
 def _node_numbers(X: np.ndarray) -> np.ndarray:
-    """Return an integer for each position (*, dim), the same for equal positions."""
+    """Return an integer for each position (*, dim); equal positions have equal integers."""
     points = X.reshape(-1, X.shape[-1])
     if not len(points):
         return np.zeros(X.shape[:-1], dtype=np.int64)
@@ -123,8 +125,8 @@ def roughness(
 ) -> float:
     """Amplitude of the contact pressure's oscillation from node to node [pressure].
 
-    It is 0 if no facet of the contact is far enough from its edge and from slope discontinuities of
-    the tip.
+    The result is 0 if no facet of the contact is far enough from the contact edge and from slope
+    discontinuities of the tip.
 
     Parameters
     ----------

@@ -47,11 +47,14 @@ class WholeBody:
         return float(self.strain_energies[0].E_star)
 
     def tip_displacement(self, r: Any) -> Any:
-        """Return the displacement of a soft tip's surface at radii r [length]; 0 if rigid."""
+        """Return a soft tip's surface displacement at radii r [length]; 0 for a rigid tip."""
         return 0.0 * r
 
     def find_inverted_elements(self) -> Any:
-        """Find the points of smallest J and largest stretch (collective); None at small strain."""
+        """Find the points of smallest volume ratio and largest stretch; None at small strain.
+
+        The call is collective.
+        """
         inverted = [
             extremes
             for strain in self.strain_energies

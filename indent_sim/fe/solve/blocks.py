@@ -43,8 +43,8 @@ class DisplacementStiffness:
     space
         Space of the displacements, quadratic or linear.
     kind
-        PETSc's matrix type. "sbaij" stores only the upper half. This halves the time of a
-        matrix-vector product, which is limited by reading the matrix.
+        PETSc's matrix type. "sbaij" stores only the upper half. Storing half of the matrix halves
+        the time of a matrix-vector product, which is limited by reading the matrix.
     """
 
     def __init__(self, problem: Problem, space: fem.FunctionSpace, kind: str):
@@ -168,7 +168,7 @@ class FieldBlocks:
     def _assemble_product(self, density: Expr) -> PETSc.Mat:
         """Assemble the bilinear form with the integrand `density` on the free dofs of the field.
 
-        Its rows and columns are scaled by the residual weight of the field.
+        Rows and columns are scaled by the residual weight of the field.
         """
         matrix = fem_petsc.assemble_matrix(compile_form(self._domain_integral(density)))
         matrix.assemble()
@@ -176,7 +176,7 @@ class FieldBlocks:
         return matrix.createSubMatrix(self._free_set, self._free_set)
 
     def assemble(self) -> None:
-        """Assemble B and C at the present solution."""
+        """Assemble the coupling block B and the diagonal block C at the present solution."""
         for matrix, form in zip(self._full_matrices, self._forms, strict=True):
             matrix.zeroEntries()
             fem_petsc.assemble_matrix(matrix, form, self._bcs)
@@ -215,7 +215,7 @@ class FieldBlocks:
         return S
 
     def _multiplier_schur_complement(self) -> PETSc.Mat:
-        """Return a block matrix whose Schur complement is S of the multiplier.
+        """Return a block matrix whose Schur complement approximates that of the multiplier.
 
         The matrix is [[C - alpha M_A/eps, M_A], [M_A, eps/(1 - alpha) (M + gamma L)]], with the
         Laplacian L of the surface.
@@ -243,7 +243,7 @@ class FieldBlocks:
 
 
 def _destroy_matrices(*matrices: PETSc.Mat) -> None:
-    """Free matrices at once: with several ranks PETSc would otherwise keep them until the end."""
+    """Free matrices immediately: with several ranks PETSc otherwise keeps them until the end."""
     for matrix in matrices:
         matrix.destroy()
 

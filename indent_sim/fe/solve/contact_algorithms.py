@@ -21,10 +21,10 @@ from indent_sim.fe.terms.scene_terms import ContactTerms
 def _newton_with_continuation(newton: Newton, contact: ContactTerms) -> Callable[[], bool]:
     """Return Newton's method with stiffness continuation, for penalty and augmented Lagrangian.
 
-    If a softer contact has no solution, the contact is solved with its own stiffness directly. This
-    is not tried after a residual that is not finite if there is only one softer contact: it has
-    nearly the same stiffness, and the first Newton step of the other would invert the same
-    elements.
+    If there is no solution at a reduced stiffness, the contact is solved with its nominal stiffness
+    directly. This is not tried if the residual was not finite and only one reduced stiffness is
+    used: it is nearly equal to the nominal stiffness, with which the first Newton step would invert
+    the same elements.
     """
     factors = approach_factors(newton.problem.law, newton.problem.scene)
     if not factors and (newton.problem.law.may_snap_through or newton.problem.scene.physics.yields):
@@ -59,9 +59,10 @@ def _friction_passes(
     """Return an algorithm that solves a frictional increment in one or two passes.
 
     The slip reference determines the number of passes. The first of two passes only locates new
-    contact points. Only a few per cent of its error reach the force, so that its tolerance is 1e3
-    times the tolerance of Newton's method, at most 1e-6. A search for the depth of a force depends
-    on differences of forces; then both passes have the tolerance of Newton's method.
+    contact points. Only a few per cent of the error of the first pass enter the force, so that the
+    tolerance of this pass is 1e3 times the tolerance of Newton's method, at most 1e-6. If the depth
+    of a force is searched for, both passes have the tolerance of Newton's method, because the
+    search depends on differences of forces.
     """
     problem = newton.problem
     tolerance_factor = 1.0 if problem.scene.physics.path.control == "force" else 1e3
@@ -95,7 +96,7 @@ def _restore_on_failure(problem: Problem, algorithm: Callable[[], bool]) -> Call
 
 
 def _uzawa_algorithm(newton: Newton, contact: ContactTerms) -> Callable[[], bool]:
-    """Return Uzawa's iteration: Newton's method with a frozen multiplier, then its update.
+    """Return the iteration of Uzawa: a solution with a frozen multiplier, then a multiplier update.
 
     The multiplier is also updated after each of the softer contacts of a continuation.
     """

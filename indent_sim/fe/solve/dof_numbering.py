@@ -23,7 +23,7 @@ class DofNumbering:
     space
         The space of the field.
     dofs
-        Positions of the dofs of the space in the local array of the vector that holds them.
+        Positions of the dofs of the space in the local array of the vector with their values.
     """
 
     def __init__(self, space: fem.FunctionSpace, dofs: np.ndarray):

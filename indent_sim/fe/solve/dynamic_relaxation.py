@@ -10,7 +10,7 @@ from indent_sim.fe.terms.contact.viscous_regularization import ViscousRegulariza
 
 
 def dynamic_relaxation(newton: Newton, regularization: ViscousRegularization) -> bool:
-    """Let an adhesive body relax from its present state at the problem's depth.
+    """Let an adhesive body relax at the problem's depth, starting from its present state.
 
     The surface moves against a viscous drag, in implicit steps
 

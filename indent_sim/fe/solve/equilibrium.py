@@ -90,7 +90,8 @@ class BodyEquilibrium:
     def stiffness(self) -> float:
         """Stiffness dF/ddelta of the whole body at the equilibrium [force/length] (collective).
 
-        For a body that yields it is that at the beginning of unloading. It must have been accepted.
+        For a body that yields it is the stiffness at the beginning of unloading, and the
+        equilibrium must have been accepted.
         """
         if not self.scene.physics.yields:
             return self.newton.stiffness()
@@ -128,7 +129,7 @@ class BodyEquilibrium:
         return dissipation
 
     def solve(self, depth: float, dt: float = 0.0, slide: float = 0.0) -> bool:
-        """Solve for the equilibrium at a depth `dt` later, stage by stage.
+        """Solve for the equilibrium at a depth after a time step `dt`, stage by stage.
 
         Parameters
         ----------
@@ -173,9 +174,10 @@ class BodyEquilibrium:
     def _solve_stage(self, start_depth: float, depth: float, fraction: float) -> bool:
         """Solve an intermediate stage of a time step, which ends at a fraction of the step.
 
-        The depth is linear in time within the step. Where forces are prescribed the stage is solved
-        for the force at its time instead, by the secant method: after a sudden force the depth
-        changes as the square root of time. If that fails, the linear depth is used.
+        The depth is linear in time within the step. If forces are prescribed, the stage is solved
+        by the secant method for the force at its time, because after a sudden change of the force
+        the depth changes as the square root of time. If the secant method fails, the linear depth
+        is used.
         """
         linear_depth = start_depth + fraction * (depth - start_depth)
         target_force = (
@@ -192,7 +194,7 @@ class BodyEquilibrium:
         return self._find_equilibrium(linear_depth, self._algorithm)
 
     def _force_at_depth(self, depth: float) -> ForceDepth:
-        """Solve at a depth; return force and depth, or a depth that is not a number on failure."""
+        """Solve at a depth; return force and depth, with the depth NaN on failure."""
         if not self._find_equilibrium(depth, self._algorithm):
             return nan, nan
         return self.force, depth
@@ -276,7 +278,7 @@ class BodyEquilibrium:
 
     @cached_property
     def _numberings(self) -> list[list[DofNumbering]]:
-        """Numberings of the fields of each array of a state.
+        """Dof numberings of the fields that each array of a state contains.
 
         The arrays are the unknowns, the functions `frozen` of the problem and the internal
         variables, in this order.
@@ -312,7 +314,7 @@ class BodyEquilibrium:
     def unpack(self, depth: float, arrays: Sequence[np.ndarray], t: float = 0.0) -> Snapshot | None:
         """Return the state stored in packed arrays, which all ranks must pass (collective).
 
-        None if the shapes of the arrays do not fit this problem.
+        The result is None if the shapes of the arrays do not fit this problem.
         """
         state = replace(self.snapshot(), depth=depth, t=t)
         numbering = self._numberings
@@ -443,7 +445,7 @@ class BodyEquilibrium:
         return values
 
     def _soft_tip_values(self) -> dict[str, float]:
-        """Return sink and energy of a soft tip by the names of State's fields."""
+        """Return the displacement and the energy of a soft tip, keyed by the fields of `State`."""
         return {
             "tip_sink": float(self.observed_body.tip_displacement(np.zeros(1))[0]),
             "tip_energy": self.problem.sum_over_body(self.bulk_terms.strain_energies[-1].value()),
@@ -452,7 +454,8 @@ class BodyEquilibrium:
     def _push_along_slide(self) -> float:
         """Horizontal force of the body on the tip along its slide [force]; 0 without a slide.
 
-        With a reference gap it is that of friction, because the pressure on the body is vertical.
+        With a reference gap it is the force of friction alone, because the pressure on the body is
+        vertical.
         """
         physics = self.scene.physics
         if not physics.slides:
@@ -464,11 +467,11 @@ class BodyEquilibrium:
         return self.problem.sum_over_body(friction.side_force(axis)) if friction else 0.0
 
     def _fluid_values(self) -> dict[str, Any]:
-        """Return the results for the pore fluid by the names of State's fields; {} without flow.
+        """Return the results for the pore fluid, keyed by the fields of `State`; {} without flow.
 
         These are the volume that has left the whole body, the volume that has moved inside it, the
-        error of the fluid balance and the largest pore pressure; for a step without duration also
-        the table of the drained surface.
+        error of the fluid balance and the largest pore pressure; after a step without duration, the
+        table of the drained surface is added.
         """
         flow = self.bulk_terms.flow
         seal = self.bulk_terms.seal

@@ -3,7 +3,8 @@
 Near the edge of a smooth contact the pressure inside varies as the square root of the distance s
 from the edge, the gap outside as s^(3/2). At a point over which the edge passes, pressure^2 and
 gap^(2/3) are therefore linear in the depth. A linear extrapolation of gaps misplaces the edge by
-two thirds of the distance that it moves, an extrapolation of these powers by a sixth of it or less.
+two thirds of the distance that it moves, an extrapolation of these powers misplaces the edge by a
+sixth of this distance or less.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ def lagrange_weights(depths: Sequence[float], depth: float) -> list[float]:
 def predict_trial_pressure(
     trials: Sequence[np.ndarray], depths: Sequence[float], depth: float, largest: float
 ) -> np.ndarray:
-    """Extrapolate the trial pressure lam - epsilon_n g to another depth.
+    """Extrapolate the trial pressure, from two depths, to another depth.
 
     Parameters
     ----------

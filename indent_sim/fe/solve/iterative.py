@@ -2,8 +2,8 @@
 
 The preconditioner is the upper block-triangular factor of the tangent: an approximate Schur
 complement for each field other than the displacement, one multigrid cycle for the displacement. The
-multigrid hierarchy is kept until the extra iterations that it causes have cost more than building a
-new one. Each system is solved only as accurately as Newton's method needs.
+multigrid hierarchy is kept until the additional iterations with the old hierarchy have cost more
+than a new one. Each system is solved only as accurately as Newton's method needs.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ class Iterative:
     def attach(self, ksp: PETSc.KSP) -> None:
         """Use this solver as the linear solver of SNES.
 
-        Options of PETSC_OPTIONS without a prefix apply to this solver.
+        Options without a prefix in the environment variable PETSC_OPTIONS apply to this solver.
         """
         ksp.setOptionsPrefix("newton_")
         ksp.setType("preonly")

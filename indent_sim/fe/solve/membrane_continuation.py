@@ -14,8 +14,8 @@ def membrane_continuation(newton: Newton, algorithm: Callable[[], bool]) -> Call
     The membrane stiffness (`terms.surface_tension`) begins at 1 and is reduced to
     MEMBRANE_STIFFNESS; each equilibrium is the initial guess of the next one.
 
-    Measured on a ball between plates with gamma/(mu R) = 1000: 30 iterations for an increment that
-    otherwise took 170 to 450 iterations in 9 to 33 cutbacks.
+    On a ball between plates with gamma/(mu R) = 1000, an increment took 30 iterations with this
+    continuation, and 170 to 450 iterations in 9 to 33 cutbacks without it.
     """
     problem = newton.problem
 

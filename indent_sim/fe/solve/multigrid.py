@@ -54,7 +54,8 @@ AGGREGATION: dict[str, Any] = {
 class Multigrid:
     """Multigrid cycle as a preconditioner of the displacement block of the tangent.
 
-    It is built for the tangent at one solution and remains effective near it.
+    The preconditioner is built for the tangent at one solution and remains effective near this
+    solution.
     """
 
     def __init__(self, problem: Problem, fine: DisplacementStiffness):

@@ -162,8 +162,8 @@ class Newton:
     def _forcing_term(self) -> float:
         """Return the relative tolerance of the next linear system.
 
-        It is adapted to the convergence of Newton's method by choice 2 of Eisenstat & Walker (1996,
-        SIAM J. Sci. Comput. 17).
+        The tolerance is adapted to the convergence of Newton's method by "choice 2" of Eisenstat &
+        Walker (1996, SIAM J. Sci. Comput. 17).
         """
         sufficient = (
             0.3
@@ -233,9 +233,9 @@ class Newton:
     def approach_stiff_contact(self, after_each: Callable[[], object] = lambda: None) -> bool:
         """Approach the equilibrium of a stiff contact by solving softer contacts to a low accuracy.
 
-        This needs fewer iterations than solving the stiff contact directly: with a stiffness of 100
-        E*/h_contact Newton's method moves the contact edge by one point in each iteration. On
-        failure the solution is restored.
+        This approach needs fewer iterations than a direct solution of the stiff contact: with a
+        stiffness of 100 E*/h_contact Newton's method moves the contact edge by one point in each
+        iteration. On failure the solution is restored.
 
         Parameters
         ----------
@@ -245,7 +245,7 @@ class Newton:
         Returns
         -------
         bool
-            True if all of them converged.
+            True if all softer contacts converged.
         """
         problem = self.problem
         start = self.problem.x.copy()
@@ -307,7 +307,7 @@ class Newton:
         return True
 
     def _solve_by_continuation(self) -> bool:
-        """Solve with a soft contact and increase its stiffness by decades to the nominal one."""
+        """Solve with a soft contact, then increase the stiffness by decades to the nominal one."""
         problem = self.problem
         failure = self.failure
         reason = self.snes.getConvergedReason()
@@ -345,8 +345,8 @@ class Newton:
         """True if the equilibrium just found is a local minimum of the energy (collective).
 
         The criterion is the inertia of the last LDL^T factor: at a minimum it has exactly one
-        negative pivot for each free dof of the fields other than the displacement. True if no such
-        factor was computed.
+        negative pivot for each free dof of the fields other than the displacement. The result is
+        True if no such factor was computed.
         """
         if not self._uses_cholesky or not self.snes.getIterationNumber():
             return True
@@ -361,7 +361,7 @@ class Newton:
         )
 
     def discard_tangent(self) -> None:
-        """Make the next use of the tangent assemble it anew."""
+        """Mark the tangent as outdated, so that it is assembled anew before its next use."""
         self._has_tangent = False
 
     def stiffness(self) -> float:
@@ -375,8 +375,8 @@ class Newton:
         Returns
         -------
         float
-            NaN if the refinement does not converge, and for Uzawa's method, whose multiplier
-            changes outside Newton's method.
+            The stiffness; NaN if the refinement does not converge, and for Uzawa's method, whose
+            multiplier changes outside Newton's method.
         """
         problem = self.problem
         if problem.law.multiplier == "frozen":
@@ -468,10 +468,10 @@ class Newton:
 def _reaction_floor(problem: Problem) -> float:
     """Return the least reaction [force] to which residuals are compared.
 
-    It is zero without fluid flow. A body that swells freely has no reactions, so that a residual
-    relative to the reactions could not converge. With flow the floor is therefore 100 E L^2 (100 E
-    L in two dimensions). L is the height of a body that swells; for a body that only drains it is
-    the contact radius or the height, whichever is smaller.
+    The result is zero without fluid flow. A body that swells freely has no reactions, so that a
+    residual relative to the reactions could not converge. With flow the floor is therefore 100 E
+    L^2 (100 E L in two dimensions). L is the height of a body that swells; for a body that only
+    drains it is the contact radius or the height, whichever is smaller.
     """
     physics = problem.scene.physics
     E = max(region.material.constants.E for region in physics.domain.regions)
@@ -483,8 +483,9 @@ def _reaction_floor(problem: Problem) -> float:
 def finest_tolerance(problem: Problem) -> float:
     """Return the smallest relative residual that is above round-off.
 
-    It is used where small changes of the state matter: in Uzawa's iteration and in load control.
-    The round-off in the gap enters the residual in proportion to the stiffness of the contact.
+    This tolerance is used where small changes of the state matter: in Uzawa's iteration and in load
+    control. The round-off in the gap enters the residual in proportion to the stiffness of the
+    contact.
     """
     return max(1e-11, 1e-17 * stiffness_scale(problem.scene))
 
@@ -496,9 +497,9 @@ def line_search(problem: Problem) -> str:
     between flow in opposite directions; "l2" chooses the length with the smallest residual.
 
     With a penalty, the tangential traction goes from the slip limit f p (coefficient of friction f,
-    pressure p) to -f p over a slip of 2 f p/epsilon_t. Where a point reverses its slip, full Newton
-    steps jump back and forth across this range without end; "bt" shortens a step that does not
-    reduce the residual. "basic" takes full steps.
+    pressure p) to -f p over a slip of 2 f p/epsilon_t. If a point reverses its slip, full Newton
+    steps jump back and forth across this range endlessly; "bt" shortens a step that does not reduce
+    the residual. "basic" takes full steps.
     """
     if problem.scene.physics.yields:
         return "l2"

@@ -11,7 +11,7 @@ from petsc4py import PETSc
 
 @contextmanager
 def default_options(options: Mapping[str, Any], prefix: str = "") -> Iterator[None]:
-    """Context manager that sets PETSc options that PETSC_OPTIONS does not set.
+    """Context manager that sets PETSc options, except those that PETSC_OPTIONS sets.
 
     Parameters
     ----------

@@ -15,8 +15,8 @@ class FrictionalSurface(Protocol):
         """Set the slip reference of points that come into contact during the increment.
 
         `implicit` counts slip from the position at the beginning of the increment; with `glue` new
-        points carry no traction in this increment. `mid` counts from a position between those at
-        the beginning and at the end of the increment; the later a point comes into contact, the
+        points carry no traction in this increment. `mid` counts slip from a position between those
+        at the beginning and at the end of the increment; the later a point comes into contact, the
         closer this position is to the end.
         """
 

@@ -34,8 +34,8 @@ class SolvedBody(WholeBody):
     def tip_displacement(self, r: np.ndarray) -> np.ndarray:
         """Return the height of a soft tip's deformed surface above the undeformed one [length].
 
-        Both are taken at the same radii r [length]; 0 for a rigid tip. Beyond the meshed part of
-        the surface it is that at its end.
+        Both heights are taken at the same radii r [length]; the result is 0 for a rigid tip. Beyond
+        the meshed part of the surface, the value at the end of this part is returned.
         """
         if not isinstance(self._contact, SoftTipContact):
             return 0.0 * r
@@ -46,5 +46,5 @@ class SolvedBody(WholeBody):
         return height - np.asarray(indenter.height(inside, 0.0 * inside))
 
     def inverted_size(self) -> float:
-        """Return the size [length] of the region in which J < 0 (collective)."""
+        """Return the size [length] of the region of inverted elements, J < 0 (collective)."""
         return max(strain.inverted_size() for strain in self.strain_energies)

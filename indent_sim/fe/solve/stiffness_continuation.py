@@ -13,9 +13,9 @@ from indent_sim.scene.scene import Scene
 
 
 def approach_factors(law: Any, scene: Scene) -> list[float]:
-    """Return factors of the stiffness of a contact law, in half decades, all below 1.
+    """Return factors below 1, in half decades, that reduce the stiffness of a contact law.
 
-    The first stiffness is 3 E*/h_contact, up to which Newton's method converges in a few
+    The smallest stiffness is 3 E*/h_contact, up to which Newton's method converges in a few
     iterations. The list is empty if the law is not stiffer than this.
     """
     excess = law.stiffness * scene.sizes.h_contact / scene.physics.material.E_star / 3.0

@@ -1,9 +1,9 @@
 """Uzawa iteration: solve with a frozen multiplier and update it until it converges.
 
-The update is lam <- projection of <lam - epsilon_n g>. It is accelerated by Anderson mixing
-(`Mixing`), which changes the number of iterations but not the result. At convergence lam is the
-multiplier of the augmented Lagrangian method, so that both methods give the same result at equal
-epsilon_n.
+The update is lam <- projection of <lam - epsilon_n g>. The iteration is accelerated by Anderson
+mixing (`Mixing`), which changes the number of iterations but not the result. At convergence lam is
+the multiplier of the augmented Lagrangian method, so that both methods give the same result at
+equal epsilon_n.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ def iterate(
     Returns
     -------
     bool
-        True if it converged.
+        True if the multiplier converged.
     """
     law = scene.physics.contact
     unit = scene.physics.material.E_star / scene.sizes.h_contact

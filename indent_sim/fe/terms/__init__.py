@@ -1,1 +1,1 @@
-"""Terms of the virtual work; those of the contact with the tip are in `contact`."""
+"""Terms of the virtual work; the contact terms are in the subpackage `contact`."""

@@ -79,7 +79,11 @@ class ContactSeal(Term):
         self.tangent_version = 0
 
     def _vertex_conductances(self) -> np.ndarray:
-        """Conductance of the cells at each vertex, int k |grad N|^2 [length^3/(pressure time)]."""
+        """Conductance of the cells at each vertex for the pore fluid [length^3/(pressure time)].
+
+        It is the integral of k |grad N|^2 with the permeability k and the shape function N of the
+        vertex.
+        """
         body = self.body
         space = self.body.unknowns.collapsed_space(FIELD_NAME)
         slopes = ufl.dot(ufl.grad(ufl.TestFunction(space)), ufl.grad(ufl.TrialFunction(space)))
@@ -158,7 +162,7 @@ class ContactSeal(Term):
 
     @property
     def _retracted_outflow(self) -> np.ndarray:
-        """Part of the first stage's outflow that the second must not extrapolate [length^3].
+        """Part of the first stage's outflow that the second stage must not extrapolate [length^3].
 
         It is non-zero at vertices that the tip has covered between the stages, where the outflow
         has stopped.
@@ -178,7 +182,7 @@ class ContactSeal(Term):
     def freeze(self) -> None:
         """Keep the seal unchanged in all stages and trials of a step from now on.
 
-        It corresponds to the contact of the accepted state until `update_contact` changes it.
+        The seal corresponds to the contact of the accepted state until `update_contact` changes it.
         """
         self.is_frozen = True
 
@@ -200,7 +204,7 @@ class ContactSeal(Term):
     def _contact_at_start(self) -> np.ndarray:
         """Return the contact vertices with which the equilibrium iteration of a step starts.
 
-        These are the contact vertices of the accepted state. If the tip covers the whole top and
+        The contact vertices of the accepted state are returned. If the tip covers the whole top and
         has not touched it yet, all vertices of the top are returned, because in a body with sealed
         walls the tangent is singular as long as no fluid can leave through the tip.
         """
@@ -247,7 +251,7 @@ class ContactSeal(Term):
         self._is_touching = is_touching
 
     def end_stage(self, stage: Stage) -> None:
-        """Sum the outflow of the step, with the SDIRK2 weight of the first stage."""
+        """Add the outflow of a stage to that of the step, with the weights of SDIRK2."""
         self._step_outflow = (
             stage.extrapolation_factor * self._step_outflow_before
             + stage.dt * self._outflow_rate
@@ -264,8 +268,8 @@ class ContactSeal(Term):
         """Return element heights and squared pore pressures at the surface vertices (collective).
 
         The table is used to estimate the effect of drained surfaces on a state without flow. The
-        second column is zero at vertices whose conductance is below that of their cells, because
-        such a surface does not prescribe the pressure.
+        second column is zero at vertices whose conductance is smaller than the conductance of their
+        cells, because such a surface does not prescribe the pressure.
 
         Returns
         -------

@@ -115,7 +115,7 @@ class Flow(Term):
         )
 
     def potential(self, now: TimeLevel, before: TimeLevel, dt: fem.Constant) -> ufl.Form:
-        """Return the potential of a stage without the part p zeta*, a UFL form."""
+        """Return the potential of a stage as a UFL form, without the fluid content at its start."""
         form = 0
         pressure_gradient = self.body.scene.physics.domain.kinematics.space_vector(
             ufl.grad(now.fields[FIELD_NAME])
@@ -146,8 +146,8 @@ class Flow(Term):
     def begin_stage(self, stage: Stage) -> None:
         """Compute the content zeta* from which the stage starts.
 
-        It is the content of the accepted state; for the second stage of SDIRK2 the change in the
-        first stage is extrapolated.
+        In the first stage, zeta* is the content of the accepted state; in the second stage of
+        SDIRK2 it is extrapolated from the change in the first stage.
         """
         self._update_bath_pressures(self._bath_pressures, self.body.now)
         if not stage.extrapolation_factor:
@@ -213,7 +213,7 @@ class Flow(Term):
 
     @cached_property
     def _vertex_mass(self) -> tuple[PETSc.Mat, PETSc.Vec]:
-        """Mass matrix of the shape functions of p, and the row sums of this matrix.
+        """Mass matrix of the pressure shape functions, and the row sums of this matrix.
 
         The row sums are set to 1 at vertices outside of all permeable regions.
         """
@@ -236,7 +236,7 @@ class Flow(Term):
         return self.body.local_array()[self.body.unknowns.dofs(FIELD_NAME)[dofs]]
 
     def content_in(self, region: Region) -> Expr:
-        """Fluid content zeta per undeformed volume of a region, a UFL scalar; 0 without pores."""
+        """Fluid content zeta per undeformed volume of a region, a UFL scalar; 0 without fluid."""
         return (
             self._fluid_content(region, self.body.now, self._bath_pressures)
             if region in self._laws

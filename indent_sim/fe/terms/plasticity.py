@@ -101,7 +101,7 @@ class PlasticStrainEnergy(StrainEnergy):
         self.begin_stage(Stage(0.0))
 
     def _energy_densities(self, material: Material, H: Expr, q: Expr | None) -> tuple[Expr, Expr]:
-        """Return the stored energy density with the state at quadrature points and as cell means.
+        """Return the stored energy density for the state at quadrature points and for cell means.
 
         The volumetric part is that of the law, with a field q that is the mean stress.
         """
@@ -120,7 +120,7 @@ class PlasticStrainEnergy(StrainEnergy):
         return self._increment.stored + self._volume, self.psi
 
     def _radial_return(self, H: Expr, state: fem.Function) -> _Increment:
-        """Return the increment of load from an accepted state to the displacement gradient H."""
+        """Return the radial return from an accepted state to the displacement gradient H."""
         dim = self.body.body_mesh.dim
         plastic_tensor = symmetric_tensor(state, dim)
         alpha = state[self._alpha_index]
@@ -179,7 +179,7 @@ class PlasticStrainEnergy(StrainEnergy):
         return self.body.region_integral(isochoric + variations(self._volume, now)[1], self.region)
 
     def _variations_of_increment(self, now: TimeLevel) -> tuple[Expr, Expr]:
-        """Return both variations of W(X) by the chain rule over the scalars of X."""
+        """Return both variations of the incremental potential, by the chain rule."""
         scalars, X, slope, curvature, *_ = self._increment
         derivatives = [ufl.diff(X, s) for s in scalars]
         tested = [ufl.derivative(s, now.function, now.test) for s in scalars]
@@ -201,7 +201,7 @@ class PlasticStrainEnergy(StrainEnergy):
         self._state.update_means(self.cells)
 
     def hold_plastic_flow(self, *, is_held: bool) -> None:
-        """Suppress plastic flow, so that the body responds elastically, or permit it again."""
+        """Suppress plastic flow, so that the body responds elastically, or allow it again."""
         self._yield_switch.value = 0.0 if is_held else 1.0
 
     @cached_property
@@ -218,7 +218,7 @@ class PlasticStrainEnergy(StrainEnergy):
 
     @property
     def cell_sample(self) -> CellSample:
-        """The fields that stand for a cell: means over its quadrature points.
+        """The fields that represent a cell: means over its quadrature points.
 
         The mean internal variables of a cell and the strain at its centroid give a stress that is
         off the yield surface by up to the variation of both in the cell.
@@ -266,7 +266,7 @@ class AcceptedState(NamedTuple):
     Attributes
     ----------
     tensor : ndarray, (n, 3, 3)
-        eps_p at small strain, else C_p^-1 - 1.
+        eps_p at small strain, C_p^-1 - 1 at finite strain.
     alpha : ndarray, (n,)
         Equivalent plastic strain.
     viscous_work : ndarray, (n,)
@@ -290,9 +290,9 @@ def accepted_state(
     H : ndarray, (n, 3, 3)
         Displacement gradient at the end of the increment.
     tensor : ndarray, (n, 3, 3)
-        eps_p at small strain, else C_p^-1 - 1, at its beginning.
+        At the beginning of the increment, eps_p at small strain or C_p^-1 - 1 at finite strain.
     alpha : ndarray, (n,)
-        Equivalent plastic strain at its beginning.
+        Equivalent plastic strain at the beginning of the increment.
     dt : float
         Duration of the increment [time].
     """

@@ -35,7 +35,7 @@ class QuadratureField:
     function : fem.Function
         The values at the quadrature points.
     mean : fem.Function
-        Their mean in each cell, which stands for the field at other points; see `update_means`.
+        Their mean in each cell, which is used for the field at other points; see `update_means`.
     points : ndarray
         Quadrature points (n, dim) of the reference cell.
     """
@@ -68,7 +68,7 @@ class QuadratureField:
         self.function.x.array.reshape(-1, self.width)[self._dofs[cells]] = values
 
     def update_means(self, cells: np.ndarray) -> None:
-        """Set the means of the given cells to those of the present values."""
+        """Set the means of the given cells from the present values."""
         self.mean.x.array.reshape(-1, self.width)[self._mean_dofs[cells]] = np.tensordot(
             self._weights, self.values(cells), (0, 1)
         ) / sum(self._weights)

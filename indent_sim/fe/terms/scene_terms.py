@@ -71,7 +71,8 @@ class ContactTerms:
     Attributes
     ----------
     pressure : Traction, NodalContact or SoftTipContact
-        Contact pressure by the scene's contact method, or that between two meshed bodies.
+        Contact pressure by the scene's contact method, or contact pressure between two meshed
+        bodies.
     friction : Friction, optional
         Tangential traction.
     regularization : ViscousRegularization, optional

@@ -41,7 +41,7 @@ def pressure_fields(scene: Scene) -> list[Field]:
 
 
 class CellSample(NamedTuple):
-    """Fields of a region whose mean over points stands for a cell.
+    """Fields of a region whose means over points represent a cell.
 
     Attributes
     ----------
@@ -125,7 +125,7 @@ class StrainEnergy(Term):
 
     @property
     def cell_sample(self) -> CellSample:
-        """The fields that stand for a cell: those at its centroid."""
+        """The fields that represent a cell: the fields at its centroid."""
         dim = self.body.body_mesh.dim
         centroid = np.full((1, dim), 1 / (dim + 1))
         return CellSample(centroid, np.ones(1), self.stress, self.psi)
@@ -202,7 +202,10 @@ class StrainEnergy(Term):
         return compile_form(inverted * self.body.region_measure(self.region))
 
     def inverted_size(self) -> float:
-        """Size of the part with J < 0: the dim-th root of its measure [length] (collective)."""
+        """Size of the part with inverted elements, J < 0 [length] (collective).
+
+        It is the dim-th root of the area or volume of this part.
+        """
         measure = self.body.comm.allreduce(
             fem.assemble_scalar(self._inverted_measure_form), op=MPI.SUM
         )

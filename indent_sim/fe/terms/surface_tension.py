@@ -90,7 +90,7 @@ class SurfaceTension(Term):
             )
 
     def set_membrane_stiffness(self, stiffness: float) -> None:
-        """Set the shear modulus of the membrane, and what it adds to the shear modulus of the body.
+        """Set the shear modulus of the membrane, and the shear modulus that it adds to the body.
 
         Parameters
         ----------

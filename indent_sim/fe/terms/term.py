@@ -29,7 +29,7 @@ class Term:
     Attributes
     ----------
     energy : ufl.Form or None
-        Contribution to the potential, if the term has one.
+        Contribution to the potential; None if the term has no potential.
     field_names : tuple of str
         Unknown fields that the term introduces in addition to the displacement.
     history : tuple of fem.Function
@@ -42,7 +42,7 @@ class Term:
     has_symmetric_tangent : bool
         Whether the tangent of the term is symmetric.
     is_bulk : bool
-        Whether the term belongs to the body rather than to its contact with the tip.
+        Whether the term describes the body and not its contact with the tip.
     has_constant_tangent : bool
         Whether the tangent is the same at every state.
     has_membrane : bool
@@ -107,7 +107,7 @@ class Term:
         """Set the shear modulus of a drop's surface membrane, divided by the surface tension."""
 
     def scale_contact_stiffness(self, modulus_ratio: float) -> None:
-        """Scale the contact stiffness with the modulus of the body.
+        """Scale the contact stiffness in proportion to the modulus of the body.
 
         Parameters
         ----------
@@ -118,7 +118,7 @@ class Term:
         self.scale_stiffness(self._continuation_factor * self._modulus_ratio)
 
     def scale_stiffness(self, factor: float) -> None:
-        """Set the penalty stiffness to `factor` times that of the contact law.
+        """Set the penalty stiffness to `factor` times its value in the contact law.
 
         Terms without a penalty ignore it.
         """
@@ -158,4 +158,4 @@ class Term:
         return 0.0
 
     def hold_plastic_flow(self, *, is_held: bool) -> None:
-        """Suppress plastic flow, so that the body responds elastically, or permit it again."""
+        """Suppress plastic flow, so that the body responds elastically, or allow it again."""

@@ -23,8 +23,8 @@ Methods Appl. Mech. Eng. 60, 153.
 The remaining fraction of the elastic shear stress is ((g_inf + sum g_k) S - sum g_k A_k) : S/(S :
 S), with sums over all quadrature points, most of which are near the contact. The modulus E* that
 corresponds to this fraction of the shear modulus scales the contact stiffness and the gap criterion
-of the contact edge. With the initial modulus instead, the contact radius was 60 % too small after
-relaxation to 1e-4 of the modulus.
+of the contact edge. If the initial modulus was used instead, the contact radius was 60 % too small
+after relaxation to 1e-4 of the modulus.
 """
 
 from __future__ import annotations
@@ -92,7 +92,7 @@ class ViscoelasticStrainEnergy(StrainEnergy):
         self.begin_stage(Stage(0.0))
 
     def _energy_densities(self, material: Material, H: Expr, q: Expr | None) -> tuple[Expr, Expr]:
-        """Return the stage's potential density, with h at quadrature points and as cell means."""
+        """Return the stage's potential density, for the prestress at points and as cell means."""
         assert isinstance(material, ShearRelaxingLaw)
         shear, theta = material.isochoric_parts(H)
         # The field q is defined by the relaxed body, so that its meaning does not change in time
@@ -125,7 +125,10 @@ class ViscoelasticStrainEnergy(StrainEnergy):
         )
 
     def _evaluate_shear_stress(self) -> np.ndarray:
-        """Return S at the quadrature points as a function's local array; 0 outside the region."""
+        """Return the elastic shear stress at the quadrature points as a local array.
+
+        It is 0 outside the region.
+        """
         values: np.ndarray = np.zeros_like(self._h.x.array)
         width = self._h.function_space.dofmap.index_map_bs
         components = compat.evaluate_expression(
@@ -137,9 +140,10 @@ class ViscoelasticStrainEnergy(StrainEnergy):
         return values
 
     def begin_stage(self, stage: Stage) -> None:
-        """Compute A_k*, h and the shear factor of a stage.
+        """Compute the relaxed stresses, the prestress and the shear factor at the start of a stage.
 
-        A_k* of the second stage of SDIRK2 is extrapolated from the result of the first.
+        The relaxed stresses of the second stage of SDIRK2 are extrapolated from the result of the
+        first stage.
         """
         accepted_stresses = [A.x.array for A in self._relaxed_stresses]
         stage_stresses = (
@@ -170,8 +174,9 @@ class ViscoelasticStrainEnergy(StrainEnergy):
     def predict_modulus(self, start_depth: float, depth: float) -> None:
         """Predict `E_star` at the end of a step, without an additional solution.
 
-        The modulus is interpolated between the value for constant strain and the value for a newly
-        strained body, according to the relative increase of the depth. It is exact in a hold.
+        The modulus is interpolated between its values for constant strain and for a newly strained
+        body, according to the relative increase of the depth. During a hold the prediction is
+        exact.
         """
         new_depth = abs(depth - start_depth)
         kept_depth = abs(start_depth)
@@ -185,8 +190,9 @@ class ViscoelasticStrainEnergy(StrainEnergy):
     def _remaining_stress_fraction(self, S: np.ndarray, relaxed: Sequence[np.ndarray]) -> float:
         """Fraction of the elastic shear stress that remains after relaxation (collective).
 
-        It is ((g_inf + sum g_k) S - sum g_k A_k) : S/(S : S), with sums over all quadrature points.
-        In an unstrained region, the fraction for a strain imposed now is returned.
+        The fraction is ((g_inf + sum g_k) S - sum g_k A_k) : S/(S : S), with sums over all
+        quadrature points. In an unstrained region, the fraction for a strain imposed now is
+        returned.
 
         Parameters
         ----------
@@ -224,7 +230,7 @@ class ViscoelasticStrainEnergy(StrainEnergy):
         ).E_star
 
     def end_stage(self, stage: Stage) -> None:
-        """Evaluate S, the A_k and `E_star` at the end of the stage."""
+        """Evaluate the shear stress, its relaxed parts and `E_star` at the end of the stage."""
         S = self._evaluate_shear_stress()
         self._stage_end_stresses = [S, *self._end_relaxed_stresses(S)]
         self.E_star = self._relaxed_E_star(
@@ -232,14 +238,14 @@ class ViscoelasticStrainEnergy(StrainEnergy):
         )
 
     def _end_relaxed_stresses(self, S: np.ndarray) -> list[np.ndarray]:
-        """Return the A_k at the end of a stage whose elastic shear stress is S."""
+        """Return the relaxed stresses at the end of a stage with the elastic shear stress S."""
         stress_terms = zip(self._c_A, self._c_S, self._start_relaxed_stresses, strict=True)
         return [
             a * A + b * self._start_stress.x.array + (1 - a - b) * S for a, b, A in stress_terms
         ]
 
     def accept(self) -> None:
-        """Store S and the A_k at the end of the step as internal variables."""
+        """Store the shear stress and its relaxed parts at the end of the step."""
         if not self._stage_end_stresses:
             S = self._evaluate_shear_stress()
             self._stage_end_stresses = [S, *self._end_relaxed_stresses(S)]
@@ -248,7 +254,7 @@ class ViscoelasticStrainEnergy(StrainEnergy):
 
 
 def _prestress_work(h: Expr, material: ShearRelaxingLaw, H: Expr, theta: Expr) -> Expr:
-    """Work h : eps of the stress h, at finite strain h : J^(-2/3) C/2.
+    """Work of the prestress h per volume: h : eps, at finite strain h : J^(-2/3) C/2.
 
     The finite-strain form uses scalar UFL variables, see `terms.variation`.
     """

@@ -6,9 +6,10 @@ has the dimensionless form
     loading    F = E c h^2,
     unloading  F = E c h_max^2 y(xi),   xi = s (h_max - h)/h_max,
 
-where c and s = S h_max/F_max (S: stiffness at the beginning of unloading) and y depend on the ratio
-of Young's modulus to the yield stress, the hardening exponent, Poisson's ratio and the half angle
-only (Cheng & Cheng 1998, J. Appl. Phys. 84, 1284; Dao et al. 2001, Acta Mater. 49, 3899).
+where c, s = S h_max/F_max (S is the stiffness at the beginning of unloading) and the function y
+depend on the ratio of Young's modulus to the yield stress, the hardening exponent, Poisson's ratio
+and the half angle alone (Cheng & Cheng 1998, J. Appl. Phys. 84, 1284; Dao et al. 2001, Acta Mater.
+49, 3899).
 """
 
 from __future__ import annotations
@@ -88,17 +89,27 @@ class ConeLoop:
 
     def unloading(self, E: float, h: np.ndarray, h_max: float) -> np.ndarray:
         """Return the forces (n,) of unloading from h_max at depths h (n,)."""
+        return self.unloading_with_stiffness(E, h, h_max)[0]
+
+    def unloading_with_stiffness(
+        self, E: float, h: np.ndarray, h_max: float
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the forces (n,) of unloading from h_max at depths h (n,), and dF/dh (n,)."""
         from scipy.interpolate import CubicSpline
 
         xi = self.stiffness * (h_max - h) / h_max
         fractions = np.concatenate([[0.0], RECOVERY_FRACTIONS, [1.0]])
         forces = np.concatenate([[1.0], self.forces, [0.0]])
-        y = CubicSpline(fractions, forces, bc_type=((1, -self.recovery), "not-a-knot"))(
-            np.clip(xi / self.recovery, 0.0, 1.0)
-        )
+        curve = CubicSpline(fractions, forces, bc_type=((1, -self.recovery), "not-a-knot"))
+        fraction = np.clip(xi / self.recovery, 0.0, 1.0)
+        y = curve(fraction)
         # Noise of the depth leads to samples beyond the deepest point.
-        y = np.where(xi < 0, 1.0 - xi, np.maximum(y, 0.0))
-        return np.asarray(E * self.curvature * h_max**2 * y)
+        is_beyond = xi < 0
+        is_in_contact = ~is_beyond & (y > 0.0) & (fraction < 1.0)
+        F_max = E * self.curvature * h_max**2
+        slope = np.where(is_beyond, 1.0, is_in_contact * -curve(fraction, 1) / self.recovery)
+        y = np.where(is_beyond, 1.0 - xi, np.maximum(y, 0.0))
+        return np.asarray(F_max * y), np.asarray(F_max * self.stiffness / h_max * slope)
 
     def depths_of(self, fractions: np.ndarray, h_max: float) -> np.ndarray:
         """Return the depths (n,) of unloading from h_max at fractions (n,) of the largest force."""
@@ -114,7 +125,7 @@ class ConeLoop:
 
     @staticmethod
     def unpack(packed: np.ndarray) -> ConeLoop:
-        """Return the loop of interpolated numbers."""
+        """Return the loop that has the given numbers, which may be interpolated."""
         curvature, stiffness, recovery = np.exp(packed[:3]).tolist()
         errors = np.abs(packed[-2:]).tolist()
         return ConeLoop(curvature, stiffness, recovery, packed[3:-2], *errors)
@@ -156,8 +167,8 @@ def refuse_other_scenes(config: Config, varied_keys: tuple[str, ...]) -> None:
         problem = "a fit of a body that yields needs a homogeneous half-space"
     elif config.indenter.shape != "cone" or getattr(config.indenter, "tip_radius", False):
         problem = (
-            "a fit of a body that yields needs a sharp cone, whose loops at all depths are one; "
-            "those of a sphere or a pyramid are not tabulated"
+            "a fit of a body that yields needs a sharp cone, whose loops have the same shape at "
+            "all depths; loops of spheres and pyramids are not tabulated"
         )
         remedy = (
             "replace a Berkovich or Vickers tip by the cone of equal cross-sections: half_angle "
@@ -180,7 +191,7 @@ def refuse_other_scenes(config: Config, varied_keys: tuple[str, ...]) -> None:
 
 
 class ConeLoopTable:
-    """Loops of a scene over E/yield_stress and the hardening exponent, interpolated from runs.
+    """Load-unload loops as functions of E/yield_stress and the hardening exponent, from runs.
 
     Parameters
     ----------
@@ -222,7 +233,7 @@ class ConeLoopTable:
         return self._grid.computed_nodes
 
     def loop(self, metal: Metal) -> ConeLoop:
-        """Return the loop of a material; outside MODULUS_RATIOS it is that of the nearest ratio."""
+        """Return the loop of a material; outside MODULUS_RATIOS, the loop of the nearest ratio."""
         theta = [math.log(self.scene_metal.E / metal.ratio)]
         return ConeLoop.unpack(
             self._grid.interpolate([*theta, metal.n] if self._varies_hardening else theta)
@@ -261,7 +272,7 @@ def solve_cone_loop(config: Config, depth: float) -> ConeLoop:
 def loop_of_rows(h: np.ndarray, F: np.ndarray, S: np.ndarray, E: float) -> ConeLoop:
     """Return the loop of depths, forces and unloading stiffnesses of the rows (m,) of a run.
 
-    The first LOADING_ROWS are equal increments of loading, the others unloading.
+    The first LOADING_ROWS rows are equal increments of loading, and the other rows are unloading.
     """
     k = np.arange(FIRST_ROW, LOADING_ROWS + 1)
     used = k - 1
@@ -283,7 +294,7 @@ def loop_of_rows(h: np.ndarray, F: np.ndarray, S: np.ndarray, E: float) -> ConeL
 def _recovery_estimate(config: Config) -> float:
     """Return F_max/(S h_max) of a scene within some 20 %, from runs of a 70.3 degree cone.
 
-    It places the rows of unloading only.
+    The estimate is used only to place the rows of unloading.
     """
     metal = metal_of(config)
     # Representative plastic strain 0.033 of this cone: Dao et al. (2001).
@@ -298,7 +309,8 @@ def _recovery_estimate(config: Config) -> float:
 def _without_step_error(k: np.ndarray, values: np.ndarray) -> tuple[float, float]:
     """Return the limit of values (m,) at rows k (m,) for short increments, and its relative error.
 
-    The values are a line in 1/k; the error is the standard deviation of its limit.
+    A line in 1/k is fitted to the values; the error is the standard deviation of the line at 1/k =
+    0.
     """
     coefficients, covariance = np.polyfit(1.0 / k, values, 1, cov=True)
     limit = float(coefficients[1])
@@ -306,14 +318,19 @@ def _without_step_error(k: np.ndarray, values: np.ndarray) -> tuple[float, float
 
 
 def _unloading(xi: np.ndarray, y: np.ndarray) -> tuple[float, np.ndarray]:
-    """Return the recovery, and the forces at RECOVERY_FRACTIONS of it, from rows (m,)."""
+    """Return the recovery, and the forces at the fractions RECOVERY_FRACTIONS of the recovery.
+
+    They are interpolated from rows xi, y (m,).
+    """
     from scipy.interpolate import CubicSpline
 
     in_contact = y > 1e-3
     xi = xi[in_contact]
     y = y[in_contact]
     if len(xi) < 5:
-        raise ForwardModelUnavailable("the loop has too few rows of unloading in contact")
+        raise ForwardModelUnavailable(
+            "the simulated loop has too few rows of unloading that are in contact"
+        )
     # Near the loss of contact the force is about the power 1.3 of the recovery that is left.
     power = 1.0 / 1.3
     left = y[-2:] ** power

@@ -130,12 +130,18 @@ class ForwardModel:
         self.pivot_depth = max_depth
         self.has_adhesion = self.experiment.adhesion is not None
         self.lowest_work = 0.0
+        self.path_forces: MeasuredPathForces | None = None
+        self._curve_rows: np.ndarray | None = None
+        self._tabulate(measured_path)
+
+    def _tabulate(self, measured_path: MeasuredPath | None) -> None:
+        """Prepare the tables of forces, and set the roles and bounds of the parameters."""
+        config = self.config
+        max_depth = self.max_depth
         self._shape_indices = [
             k for k, parameter in enumerate(self.parameters) if parameter.role == "shape"
         ]
         shape_parameters = [self.parameters[k] for k in self._shape_indices]
-        self.path_forces: MeasuredPathForces | None = None
-        self._curve_rows: np.ndarray | None = None
         is_time_stepped = needs_time_stepping(config)
         curve_parameters = [] if is_time_stepped else shape_parameters
         self.elastic_curves = ElasticLoadCurveGrid(
@@ -150,7 +156,7 @@ class ForwardModel:
 
     @property
     def follows_loop(self) -> bool:
-        """True if the force of unloading differs from that of loading, as of a body that yields."""
+        """True if the forces of unloading and of loading differ, as those of a body that yields."""
         return False
 
     @property
@@ -160,7 +166,7 @@ class ForwardModel:
 
     @property
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
-        """Lower and upper bounds of the transformed parameters in fits, ordered as varied_keys."""
+        """Lower and upper bounds (p,) of the transformed parameters, in the order of the keys."""
         low, high = (
             zip(*(parameter.bounds for parameter in self.parameters), strict=True)
             if self.parameters
@@ -174,19 +180,19 @@ class ForwardModel:
 
     @property
     def scale_index(self) -> int | None:
-        """Index of the parameter that multiplies the force; None if there is none."""
+        """Index of the parameter that multiplies the force; None if no parameter does."""
         return next(
             (k for k, parameter in enumerate(self.parameters) if parameter.role == "scale"), None
         )
 
-    @property
+    @cached_property
     def is_time_dependent(self) -> bool:
         """True if the force depends on time."""
         return self.path_forces is not None or relaxation_of(self.config) is not None
 
     @property
     def effects(self) -> set[str]:
-        """Effects that the scene has and an alternative model could add: adhesion, relaxation."""
+        """Effects that the scene already has, of those an alternative model can add."""
         has_effect = {"adhesion": self.has_adhesion, "relaxation": self.is_time_dependent}
         return {name for name, is_present in has_effect.items() if is_present}
 
@@ -237,7 +243,7 @@ class ForwardModel:
         load_curve = self._load_curve(settings)
         if settings.relaxation is not None and t is not None:
             return self._relaxed_force(load_curve, settings, x, settings.relaxation(t))
-        return self._elastic_force(load_curve, settings, self._depth(load_curve, settings, x))
+        return self._spring_balance(load_curve, settings, x)[1]
 
     def linearize(
         self,
@@ -264,8 +270,8 @@ class ForwardModel:
         force : ndarray, shape (..., n)
             Forces [force].
         derivatives : ndarray, shape (..., k + 1, n)
-            dF/dtheta, and -dF/dx as the last row. They are analytic for elastic bodies, and central
-            differences for other ones. -dF/dx is 0 beside a snap-in, where F jumps.
+            dF/dtheta, and -dF/dx as the last row. The derivatives are analytic for elastic bodies,
+            and central differences for other bodies. -dF/dx is 0 beside a snap-in, where F jumps.
         """
         if theta.ndim > 1 and not self.is_batchable:
             results = [
@@ -279,14 +285,15 @@ class ForwardModel:
             return force, self._difference_quotients(theta, x, t, branch)
         settings = self._experiment_settings(theta)
         load_curve = self._load_curve(settings)
-        delta = self._depth(load_curve, settings, x)
-        force, stiffness = self._elastic_force_and_stiffness(load_curve, settings, delta)
+        delta, force, stiffness = self._spring_balance(load_curve, settings, x)
         rows = [
             self._fixed_depth_derivative(k, theta, delta, force, stiffness)
             for k in range(theta.shape[-1])
         ]
-        spring_factor = 1.0 + settings.compliance * stiffness
-        return force, np.stack([*rows, -stiffness], axis=-2) / spring_factor[..., None, :]
+        derivatives = np.stack([*rows, -stiffness], axis=-2)
+        if settings.compliance:
+            derivatives /= (1.0 + settings.compliance * stiffness)[..., None, :]
+        return force, derivatives
 
     @property
     def has_analytic_derivatives(self) -> bool:
@@ -403,18 +410,29 @@ class ForwardModel:
         """Load curve of the unchanged scene."""
         return TabulatedLoadCurve(self.elastic_curves.scene_curve)
 
-    def _depth(
+    def _spring_balance(
         self, load_curve: LoadCurve, settings: ExperimentSettings, x: np.ndarray
-    ) -> np.ndarray:
-        """Return the depths at displacements of the base of the spring, if there is one."""
-        if not settings.compliance:
-            return x
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return depth, force, and stiffness (..., n) at displacements of the base of the spring.
+
+        Without a spring the displacements are the depths.
+        """
+        compliance = settings.compliance
+        if not compliance:
+            return x, *self._elastic_force_and_stiffness(load_curve, settings, x)
+        if isinstance(load_curve, TabulatedLoadCurve) and not settings.extra_exponent:
+            force, stiffness = load_curve.force_and_stiffness_behind_spring(
+                x, compliance * settings.scale, self._curve_rows
+            )
+            force = settings.scale * force
+            return x - compliance * force, force, settings.scale * stiffness
         force = self._solve_spring_balance(
             x,
-            settings.compliance,
+            compliance,
             lambda delta: self._elastic_force_and_stiffness(load_curve, settings, delta),
         )
-        return x - settings.compliance * force
+        delta = x - compliance * force
+        return delta, *self._elastic_force_and_stiffness(load_curve, settings, delta)
 
     def unit_forces(self, delta: np.ndarray) -> np.ndarray:
         """Return the elastic forces of the unchanged scene at depths (..., n) [length].
@@ -500,8 +518,8 @@ class ForwardModel:
     def time_step_error(self, theta: np.ndarray, x: np.ndarray, t: np.ndarray | None) -> np.ndarray:
         """Return the error (n,) of a path-dependent force due to time steps and interpolation.
 
-        It is the difference from a run at these parameters with half the time step. The error is 0
-        for a body that is not path-dependent.
+        The error is the difference from a run at these parameters with half the time step. The
+        error is 0 for a body that is not path-dependent.
         """
         path_forces = self.path_forces
         settings = self._experiment_settings(theta)
@@ -585,8 +603,8 @@ class ForwardModel:
         """Return the force of an adhesive tip at displacements (n,).
 
         If the branch of the samples is None, the tip is in contact from first contact (x = 0) until
-        pull-off. A sample that is in contact beyond pull-off has the force at pull-off, and one
-        beyond the largest punch a linear continuation.
+        pull-off. A sample that is in contact beyond pull-off has the force at pull-off. Beyond the
+        largest punch the force is continued linearly.
         """
         works = {APPROACH: settings.adhesion_work, RETRACT: settings.retract_work}
         if branch is None:
@@ -646,7 +664,8 @@ class ForwardModel:
     def bound_work(self, lowest: float) -> ForwardModel:
         """Return the model with a lower bound of its works of adhesion during fits [force/length].
 
-        Below it the work of adhesion is so small that its logarithm has no effect on the force.
+        Below this bound the work of adhesion is so small that its logarithm has no effect on the
+        force.
         """
         model = copy.copy(self)
         model.lowest_work = lowest
@@ -716,7 +735,7 @@ def _force_in_contact(x: np.ndarray, displacement: np.ndarray, force: np.ndarray
 
 
 def _continued(x: np.ndarray, displacement: np.ndarray, force: np.ndarray) -> np.ndarray:
-    """Return forces at x (n,) by interpolation, constant below the table and linear above it."""
+    """Return forces by interpolation, constant below the table and linear above it."""
     rise = max(displacement[-1] - displacement[-2], 1e-300)
     stiffness = (force[-1] - force[-2]) / rise
     beyond = np.maximum(x - displacement[-1], 0.0)
@@ -732,7 +751,7 @@ def _build_path_forces(
 ) -> MeasuredPathForces:
     """Return the force factors along a path.
 
-    Their exponent of the depth is that of the elastic force at the largest depth.
+    The exponent of the depth in the factors is that of the elastic force at the largest depth.
     """
     if config.experiment and config.experiment.adhesion:
         raise ConfigError(
@@ -772,7 +791,7 @@ def _bound_height(parameter: Parameter, contact_radius: float) -> Parameter:
 def relaxation_of(
     config: Config, values: Mapping[str, float] | None = None
 ) -> RelaxationOperator | None:
-    """Return the relaxation of a scene with other values of some keys, or None."""
+    """Return the relaxation of a scene with other values of some keys; None if there is none."""
     law = next((law.relaxation for _, law in config.materials() if law.relaxation), None)
     if law is None:
         return None

@@ -21,49 +21,41 @@ from indent_sim.fitting.forward_model.cone_loop import (
     refuse_other_scenes,
 )
 from indent_sim.fitting.forward_model.forward_model import RETRACT, ForwardModel
-from indent_sim.fitting.forward_model.parameters import parameters_of
+from indent_sim.fitting.forward_model.measured_path_forces import MeasuredPath
 from indent_sim.fitting.measured_constants import LOOP_RECOVERY_ERROR
 
 
 class LoopForwardModel(ForwardModel):
     """Force of a cone on a body that yields, in loading and unloading.
 
-    The depth at which unloading begins is given by `turned_at`. Parameters are Young's modulus,
-    yield stress and hardening exponent.
+    The displacement of the base at which unloading begins is given by `turned_at`; without a spring
+    it is the depth. Parameters are Young's modulus, yield stress and hardening exponent.
 
     Raises
     ------
     ConfigError
-        If the scene is not a cone on a half-space, or a key is another one.
+        If the scene is not a cone on a half-space, or a key is none of these parameters.
     """
 
     def __init__(self, config: Config, varied_keys: Sequence[str], max_depth: float):
         refuse_other_scenes(config, tuple(varied_keys))
-        self.config = config
-        self.varied_keys = tuple(varied_keys)
-        self.max_depth = max_depth
-        self.experiment = config.instrument
-        self.pivot_depth = max_depth
-        self.has_adhesion = False
-        self.lowest_work = 0.0
-        self.path_forces = None
-        self._curve_rows = None
+        super().__init__(config, varied_keys, max_depth)
         self._turn: np.ndarray = np.array(max_depth)
+
+    def _tabulate(self, measured_path: MeasuredPath | None) -> None:
+        """Prepare the table of loops."""
         # No modulus scales the force alone.
-        self.parameters = tuple(
-            replace(parameter, role="shape")
-            for parameter in parameters_of(config, varied_keys, max_depth)
-        )
-        self.table = ConeLoopTable(config, max_depth, HARDENING_KEY in varied_keys)
+        self.parameters = tuple(replace(parameter, role="shape") for parameter in self.parameters)
+        self.table = ConeLoopTable(self.config, self.max_depth, HARDENING_KEY in self.varied_keys)
 
     @property
     def follows_loop(self) -> bool:
-        """True: the force of unloading differs from that of loading."""
+        """True: the forces of unloading and of loading are different."""
         return True
 
     @property
     def has_analytic_derivatives(self) -> bool:
-        """False: derivatives are central differences."""
+        """False, because the derivatives are computed by central differences."""
         return False
 
     @property
@@ -79,7 +71,7 @@ class LoopForwardModel(ForwardModel):
         return model
 
     def turned_at(self, depth: np.ndarray) -> LoopForwardModel:
-        """Return a copy whose unloading begins at a depth [length], one for each curve (...)."""
+        """Return a copy whose unloading begins at a displacement of the base [length] (...)."""
         model = copy.copy(self)
         model._turn = np.asarray(depth)
         return model
@@ -114,7 +106,10 @@ class LoopForwardModel(ForwardModel):
         t: np.ndarray | None = None,
         branch: np.ndarray | None = None,
     ) -> np.ndarray:
-        """Return the forces (..., n) at depths x (..., n); without branches all is loading."""
+        """Return the forces (..., n) at displacements of the base x (..., n).
+
+        Without `branch`, all forces are those of loading.
+        """
         if theta.ndim > 1:
             turns = np.broadcast_to(self._turn, len(theta))
             return np.stack(
@@ -124,13 +119,32 @@ class LoopForwardModel(ForwardModel):
                 ]
             )
         E, loop = self.loop(theta)
-        loading = loop.loading(E, x)
+        loading = self._loading(E, loop, x)
         if branch is None:
             return loading
-        turn = float(self._turn.reshape(-1)[0])
-        if not turn > 0:
+        is_unloading = np.abs(branch) == RETRACT
+        return np.where(is_unloading, self._unloading(E, loop, x), loading)
+
+    def _loading(self, E: float, loop: ConeLoop, x: np.ndarray) -> np.ndarray:
+        """Return the forces (n,) of loading at displacements of the base of the spring (n,).
+
+        The depth h is the positive root of x = h + compliance F(h) with F proportional to h^2.
+        """
+        stiffening = 4.0 * self.experiment.compliance * E * loop.curvature * np.maximum(x, 0.0)
+        return loop.loading(E, 2.0 * x / (1.0 + np.sqrt(1.0 + stiffening)))
+
+    def _unloading(self, E: float, loop: ConeLoop, x: np.ndarray) -> np.ndarray:
+        """Return the forces (n,) of unloading at displacements of the base of the spring (n,)."""
+        turn = self._turn.reshape(-1)[:1]
+        if not turn[0] > 0:
             return np.zeros(x.shape)
-        return np.where(np.abs(branch) == RETRACT, loop.unloading(E, x, turn), loading)
+        compliance = self.experiment.compliance
+        h_max = float(turn[0] - compliance * self._loading(E, loop, turn)[0])
+        if not compliance:
+            return loop.unloading(E, x, h_max)
+        return self._solve_spring_balance(
+            x, compliance, lambda h: loop.unloading_with_stiffness(E, h, h_max)
+        )
 
     def linearize(
         self,
@@ -161,21 +175,20 @@ class LoopForwardModel(ForwardModel):
         return lambda delta: loop.loading(E, delta)
 
     def time_step_error(self, theta: np.ndarray, x: np.ndarray, t: np.ndarray | None) -> np.ndarray:
-        """Return 0 (n,): the force does not depend on time."""
+        """Return zeros (n,), because the force does not depend on time."""
         return np.zeros(len(x))
 
     def unloading_errors(self, theta: np.ndarray, x: np.ndarray, branch: np.ndarray) -> np.ndarray:
-        """Return the errors (2, n) of the force due to those of stiffness and recovery."""
+        """Return the errors (2, n) of the force due to errors of stiffness and recovery."""
         E, loop = self.loop(theta)
         step = 1e-3
-        turn = float(self._turn.reshape(-1)[0])
-        force = loop.unloading(E, x, turn)
+        force = self._unloading(E, loop, x)
         changes = [
             (replace(loop, stiffness=loop.stiffness * (1.0 + step)), loop.stiffness_error),
             (replace(loop, recovery=loop.recovery * (1.0 + step)), LOOP_RECOVERY_ERROR),
         ]
         errors = [
-            (changed.unloading(E, x, turn) - force) * error / step for changed, error in changes
+            (self._unloading(E, changed, x) - force) * error / step for changed, error in changes
         ]
         return np.where(branch == RETRACT, np.array(errors), 0.0)
 

@@ -159,7 +159,7 @@ class MeasuredPathForces:
         )
 
     def force_factor(self, theta: Sequence[float], t: np.ndarray) -> np.ndarray:
-        """Return G [force/length^p] at times (n,) after first contact.
+        """Return the force factor G [force/length^p] at times (n,) after first contact.
 
         theta are the transformed values of the shape parameters.
         """
@@ -169,10 +169,10 @@ class MeasuredPathForces:
         )
 
     def time_step_error(self, scene: Config, theta: Sequence[float], t: np.ndarray) -> np.ndarray:
-        """Return the difference (n,) of G by a run with half the time step from the interpolated G.
+        """Return the difference (n,) of G between a run with half the time step and interpolation.
 
-        It estimates the error of time discretisation and interpolation; theta are the transformed
-        parameters of the scene.
+        The difference estimates the error of time discretisation and interpolation; theta are the
+        transformed parameters of the scene.
         """
         times = self.path.times
         difference = _force_factors(
@@ -205,7 +205,7 @@ def _coarsen_grid_step(parameter: Parameter) -> Parameter:
 def _force_factors(
     config: Config, path: MeasuredPath, exponent: float, step_refinement: int = 1
 ) -> np.ndarray:
-    """Return G at the times of the path, by a run with time steps divided by a factor."""
+    """Return the force factors at the times of a path, from a run with refined time steps."""
     document: dict[str, Any] = to_mapping(config)
     document.pop("experiment", None)
     document["loading"] = {"history": [list(corner) for corner in path.corners]}

@@ -46,7 +46,7 @@ class AlternativeModel:
     estimate : Estimate
         The fit.
     added_values : dict
-        Values of the keys that are fitted in addition to those of the scene.
+        Values of the keys that are fitted in addition to the fitted keys of the scene.
     """
 
     name: ModelName
@@ -72,8 +72,8 @@ def fit_alternatives(
     Returns
     -------
     list of AlternativeModel
-        The models, the best first. A model that the scene contains, or that cannot be computed for
-        it, is omitted.
+        The models, the best first. A model that the scene already contains, or that cannot be
+        computed for the scene, is omitted.
     """
     alternatives = (
         _fit_alternative(name, estimate, config, tables)
@@ -168,7 +168,7 @@ def _replace_forward_model(model: CurveModel, forward_model: ForwardModel) -> Cu
 def _fit_adhesion(estimate: Estimate, config: Config, tables: ForwardModelCache) -> Estimate | None:
     """Return the fit of the scene with a free work of adhesion.
 
-    If the work is free already, its power of the contact radius is fitted as well.
+    If the work is already fitted, a power of the contact radius by which it changes is fitted too.
     """
     forward_model = estimate.model.forward_model
     if forward_model.is_time_dependent:
@@ -221,7 +221,7 @@ def _fit_growing_adhesion(estimate: Estimate) -> Estimate | None:
 def refutation_probability(scene: Estimate, richer: Estimate) -> float:
     """Return the probability that a model with more parameters is better by chance.
 
-    It is the probability of an F test with the most likely noise of the richer model.
+    The result is the probability of an F test with the most likely noise of the richer model.
     """
     noise = richer.uncertainty.likeliest_noise
     scene_squares, richer_squares = (
@@ -323,7 +323,7 @@ def _scale_modulus(theta: np.ndarray, scale_index: int | None, factor: float) ->
 def _thickness_candidates(
     forward_model: ForwardModel, theta: np.ndarray, config: Config, tables: ForwardModelCache
 ) -> Iterator[tuple[ForwardModel, np.ndarray]]:
-    """Yield models with a free height of a homogeneous body; none if it is fitted already."""
+    """Yield models with a free height of a homogeneous body, unless the height is fitted."""
     body = config.body
     key = "body.height"
     radius = forward_model.elastic_curves.scene_curve.contact_radius

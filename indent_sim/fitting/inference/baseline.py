@@ -41,7 +41,7 @@ def baseline_noise(s: np.ndarray, r: np.ndarray) -> tuple[Noise, float] | None:
     s : ndarray, shape (n,)
         Coordinates of the samples out of contact.
     r : ndarray, shape (n,)
-        Their residuals [force].
+        Residuals of these samples [force].
     """
     if len(r) < MIN_POINTS:
         return None
@@ -55,10 +55,10 @@ def baseline_noise(s: np.ndarray, r: np.ndarray) -> tuple[Noise, float] | None:
 def baseline_shift_probability(s: np.ndarray, r: np.ndarray, has_slope: bool) -> float | None:
     """Return the probability that the samples out of contact differ from the baseline by chance.
 
-    It is the probability of an F test of a baseline through the residuals, with the covariance of
-    the noise models averaged over these samples only, since in the noise of the whole curve a
-    misfit of the contact looks like slow noise. It is None if the baseline is too short, and 1 for
-    a baseline that follows from these samples alone.
+    The result is the probability of an F test of a baseline through the residuals, with the
+    covariance of the noise models averaged over these samples only, since in the noise of the whole
+    curve a misfit of the contact looks like slow noise. It is None if the baseline is too short,
+    and 1 for a baseline that follows from these samples alone.
 
     Parameters
     ----------

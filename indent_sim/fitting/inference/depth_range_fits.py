@@ -55,8 +55,8 @@ def fit_depth_ranges(estimate: Estimate) -> list[DepthRangeFit]:
     a fraction of the time in contact.
 
     The difference of two ordinary fits is linear in the noise, D = pinv(J_part) - pinv(J) with
-    zeros in the rows outside the part. Its variance is s2 D V D' with the variance s2 and the
-    correlation V of the noise of the whole curve.
+    zeros in the rows outside the part. The variance of the difference is s2 D V D' with the
+    variance s2 and the correlation V of the noise of the whole curve.
     """
     model = estimate.model
     # The shallower part of a loop is loading, which does not determine its parameters.

@@ -3,8 +3,8 @@
     F_i = b0 + b1 (x_i - mean)/range + f(x_i - c; theta) + noise
 
 Ordinary least squares, followed by one step to the mean over all noise models, gives the
-parameters, and the noise of the residuals their intervals. The step is shortened where it raises
-the residuals, since a noise with a long correlation time hides a systematic misfit.
+parameters. The noise of the residuals gives the intervals of the parameters. The step is shortened
+where it raises the residuals, since a noise with a long correlation time hides a systematic misfit.
 """
 
 from __future__ import annotations
@@ -196,7 +196,7 @@ class CurveModel:
         Factors of the residuals, 0 for samples that are left out.
     touch : tuple of float, optional
         Displacements [length] between which the tip clearly snapped in. The contact point lies
-        between them, and is not fitted.
+        between these displacements, and is not fitted.
     """
 
     forward_model: ForwardModel
@@ -259,18 +259,18 @@ class CurveModel:
         )
 
     def depth_coordinate(self, p: np.ndarray) -> np.ndarray:
-        """Return the displacements from first contact, x - c (..., n)."""
+        """Return the displacements from first contact (..., n)."""
         depth: np.ndarray = self.samples.x - p[..., self.coordinate_count, None]
         return depth
 
     def _forward_model_at(self, p: np.ndarray) -> ForwardModel:
-        """Return the forward model, of a loop with the depth at which unloading begins."""
+        """Return the forward model; the model of a loop gets the depth where unloading begins."""
         if not isinstance(self.forward_model, LoopForwardModel) or self.samples.turn is None:
             return self.forward_model
         return self.forward_model.turned_at(self.samples.turn - p[..., self.coordinate_count])
 
     def unloading_errors(self, p: np.ndarray) -> np.ndarray:
-        """Return the errors (m, n) of the force due to those of tabulated unloading."""
+        """Return the errors (m, n) of the force due to errors of the tabulated unloading."""
         model = self._forward_model_at(p)
         if not isinstance(model, LoopForwardModel) or self.samples.branch is None:
             return np.zeros((0, len(self.samples)))
@@ -313,7 +313,8 @@ class CurveModel:
         rows[..., :-3, :] = derivatives
         rows[..., -3, :] = 1.0
         rows[..., -2, :] = self.baseline_coordinate
-        rows[..., :-1, :] *= self.is_free[:, None]
+        if not self.is_free.all():
+            rows[..., :-1, :] *= self.is_free[:, None]
         rows[..., -1, :] = residual
         return rows if self._factors is None else rows * self._factors[..., None, :]
 
@@ -350,7 +351,7 @@ class CurveModel:
     def least_squares(
         self, p: np.ndarray, noise: Metric = WHITE, rounds: int = 40
     ) -> tuple[np.ndarray, float]:
-        """Minimize r'V^-1 r of one curve; see `minimize_squares`.
+        """Minimize the weighted sum of squares of one curve; see `minimize_squares`.
 
         Parameters
         ----------
@@ -468,9 +469,10 @@ def estimate_parameters(model: CurveModel, initial_p: np.ndarray) -> Estimate:
 def _mean_over_noise(model: CurveModel, ordinary_p: np.ndarray) -> Estimate:
     """Return the estimate whose parameters are the mean over all noise models.
 
-    The estimate moves from that of ordinary least squares towards the mean, by a fraction t <= 1 of
-    the difference. This multiplies the sum of squares by 1 + kappa t^2, which limits t, since a
-    noise model with a long correlation time could otherwise hide a systematic misfit.
+    The estimate is moved from the ordinary least squares solution towards the mean, by a fraction t
+    <= 1 of the difference. The move multiplies the sum of squares by 1 + kappa t^2, and t is
+    limited by the residuals, since a noise model with a long correlation time could otherwise hide
+    a systematic misfit.
     """
     uncertainty = uncertainty_at(model, ordinary_p)
     if not uncertainty.step.any():
@@ -491,7 +493,7 @@ def _mean_over_noise(model: CurveModel, ordinary_p: np.ndarray) -> Estimate:
 def uncertainty_at(
     model: CurveModel, p: np.ndarray, noises: Sequence[Noise] | None = None
 ) -> ParameterUncertainty:
-    """Return the uncertainty of the parameters at `p`; that of fixed parameters is 0."""
+    """Return the uncertainty of the parameters at `p`, which is 0 for fixed parameters."""
     free_model = model.model_without_touch
     is_free = free_model.is_free
     uncertainty = average_over_noise(free_model.jacobian(p)[:, is_free], model.residual(p), noises)
@@ -508,8 +510,8 @@ def _observe_touch(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return covariance and mean step of the parameters, with the snap-in as a further observation.
 
-    A clear snap-in lies between two samples. It observes the contact point in the middle between
-    them, with the standard deviation of a uniform distribution.
+    A clear snap-in lies between two samples. It is treated as an observation of the contact point
+    in the middle between these samples, with the standard deviation of a uniform distribution.
     """
     index = model.coordinate_count
     touch = _touch_of(model, p, s2)
@@ -522,7 +524,7 @@ def _observe_touch(
 
 
 def _touch_of(model: CurveModel, p: np.ndarray, s2: float) -> tuple[float, float] | None:
-    """Return displacements [length] between which the tip snapped in; None if that is not clear.
+    """Return displacements [length] between which the tip snapped in; None if it is not clear.
 
     If the samples have no branches, as in a planned measurement, the contact point is assumed in
     the middle between two samples.
@@ -537,7 +539,7 @@ def _touch_of(model: CurveModel, p: np.ndarray, s2: float) -> tuple[float, float
 
 
 def _snap_in_force(model: CurveModel, p: np.ndarray) -> float:
-    """Return the force at snap-in [force]; 0 without adhesion."""
+    """Return the force at snap-in [force]; 0 for a tip without adhesion."""
     if not model.forward_model.has_adhesion:
         return 0.0
     theta = p[: model.coordinate_count]
@@ -546,7 +548,10 @@ def _snap_in_force(model: CurveModel, p: np.ndarray) -> float:
 
 
 def standard_deviation(estimate: Estimate, k: int, fixed: Sequence[int] = ()) -> float:
-    """Return the standard deviation of a parameter, s sqrt((J'V^-1 J)^-1_kk).
+    """Return the standard deviation of one parameter of a fit.
+
+    It is s sqrt((J'V^-1 J)^-1_kk), with the Jacobian J, the noise covariance s^2 V and the
+    parameter's index k.
 
     Parameters
     ----------
@@ -662,22 +667,24 @@ def _loop_guesses(
     is_unloading = (
         np.zeros(len(samples), dtype=bool) if samples.branch is None else samples.branch == RETRACT
     )
+    compliance = forward_model.experiment.compliance
+    depth = samples.x - compliance * force
     # Part of the largest force in which the contact is deep enough, and part of unloading that is
     # nearly a line of the root of the force.
     loading = ~is_unloading & (force > 0.15 * rise)
     top = is_unloading & (force > 0.5 * rise) & (force < 0.97 * rise)
     if np.count_nonzero(loading) < 3:
         return []
-    slope, intercept = np.polyfit(samples.x[loading], np.sqrt(force[loading]), 1)
+    slope, intercept = np.polyfit(depth[loading], np.sqrt(force[loading]), 1)
     if not slope > 0:
         return []
     contact_point = -intercept / slope if origin.contact_point is None else origin.contact_point
     stiffness = None
     if samples.turn is not None and np.count_nonzero(top) >= 3:
-        depth = samples.turn - contact_point
-        fall = np.polyfit(samples.x[top] - samples.turn, force[top], 2)
-        stiffness = float(fall[1] / fall[2]) * depth if fall[2] > 0 else None
-        stiffness = stiffness if stiffness is not None and stiffness > 0 else None
+        deepest = samples.turn - compliance * rise
+        fall = np.polyfit(depth[top] - deepest, force[top], 2)
+        relative = float(fall[1] / fall[2]) * (deepest - contact_point) if fall[2] > 0 else None
+        stiffness = relative if relative is not None and relative > 0 else None
     theta = forward_model.coordinates_of(float(slope) ** 2, stiffness)
     p = np.array([*theta, contact_point, level, 0.0])
     return [_replace_known_baseline(p, samples, origin)]
@@ -716,7 +723,7 @@ def _best_contact_point(
     contact_points: Sequence[float],
     origin: OriginOptions,
 ) -> tuple[float, np.ndarray] | None:
-    """Return sum of squares and parameters of the best trial contact point; None if no contact."""
+    """Return sum of squares and parameters of the best trial contact point; None without one."""
     scale_index = forward_model.scale_index
     try:
         force_at_depth = forward_model.force_without_spring(theta)
@@ -774,8 +781,8 @@ def fit_model(
     if not guesses:
         negated_samples = Samples(samples.x, -samples.force, samples.t)
         sign_hint = (
-            " (it falls; the force of a tip that is pressed in has to be positive: with --columns, "
-            "a minus before the column of the force turns its sign)"
+            " (it falls; the force of a tip that is pressed in has to be positive: with "
+            "--columns, a minus before the column of the force reverses its sign)"
             if initial_guesses(forward_model, negated_samples, origin)
             else ""
         )
@@ -827,7 +834,7 @@ def samples_out_of_contact(model: CurveModel, p: np.ndarray) -> np.ndarray:
 def _fit_adhesive_tip(
     forward_model: ForwardModel, samples: Samples, origin: OriginOptions
 ) -> Estimate:
-    """Fit a scene with an adhesive tip to a curve, and reject it without a contact."""
+    """Fit a scene with an adhesive tip to a curve; reject a curve on which no contact is found."""
     model, p, weak_sides = fit_adhesive_pilot(forward_model, samples, origin)
     contact_point = float(p[model.coordinate_count])
     near_model = replace(model, samples=samples_near_contact(model.samples, contact_point))
@@ -839,7 +846,7 @@ def _fit_adhesive_tip(
 
 
 def _replace_known_baseline(p: np.ndarray, samples: Samples, origin: OriginOptions) -> np.ndarray:
-    """Return the parameters (p,) with the baseline replaced by the known one."""
+    """Return the parameters (p,) with the known values in place of the fitted baseline."""
     if origin.level is None:
         return p
     mean = float(samples.x.mean())
@@ -934,7 +941,7 @@ def _estimate_with_jumps(model: CurveModel, p: np.ndarray, weak_sides: tuple[int
 def place_jumps(
     model: CurveModel, p: np.ndarray, weak_sides: tuple[int, ...]
 ) -> tuple[CurveModel, np.ndarray, float]:
-    """Fit an adhesive tip, and place those jumps that are not clear, in turn.
+    """Fit an adhesive tip, and place the jumps that are not clear, one after another.
 
     Returns
     -------
@@ -973,7 +980,7 @@ def _search_touch(model: CurveModel, p: np.ndarray) -> tuple[np.ndarray, np.ndar
     """Return branches (n,) and parameters for the snap-in with the smallest sum of squares.
 
     The sum of squares jumps where the snap-in passes a sample, at which a descent iteration would
-    stop. Therefore all intervals between samples near the contact point are tried in turn.
+    stop. Therefore all intervals between samples near the contact point are tried.
     """
     samples = model.samples
     assert samples.branch is not None
@@ -1036,8 +1043,8 @@ def _branch_of_least_squares(
 ) -> np.ndarray:
     """Return the branches (n,) with the least squares at the parameters p.
 
-    If the contact point is given, the snap-in lies within some samples of it. Otherwise the snap-in
-    has been found by `_search_touch`, and does not move.
+    If the contact point is given, the snap-in lies within a few samples of the contact point.
+    Otherwise the snap-in has been found by `_search_touch`, and does not move.
     """
     samples = model.samples
     assert samples.branch is not None
@@ -1106,8 +1113,8 @@ def _adhesive_trials(
     """Yield trial values of theta, and whether their force and adhesion are scaled together.
 
     The ratio of work of adhesion and modulus is unknown in advance. Trial ratios range from one
-    that hardly shifts the largest contact to one that shifts it by twice the depth. They are set by
-    the work if it is varied, otherwise by the modulus.
+    that hardly shifts the largest contact to one that shifts it by twice the depth. A ratio is set
+    by the work if the work is varied, otherwise by the modulus.
     """
     shifts = depth * np.geomspace(0.01, 2.0, 24)
     works = [k for k, one in enumerate(forward_model.parameters) if one.role == "work"]
@@ -1135,7 +1142,7 @@ def _try_least_squares(model: CurveModel, initial_p: np.ndarray) -> tuple[np.nda
 
 
 def samples_near_contact(samples: Samples, contact_point: float) -> Samples:
-    """Return the samples in contact and next to it.
+    """Return the samples in contact and their neighbours out of contact.
 
     A long baseline with systematic deviations would dominate the fit.
     """
@@ -1147,7 +1154,7 @@ def samples_near_contact(samples: Samples, contact_point: float) -> Samples:
 
 
 def convert_baseline(old: CurveModel, new: CurveModel, p: np.ndarray) -> np.ndarray:
-    """Return the parameters for other samples (model `new`), with the baseline unchanged."""
+    """Return the parameters for other samples (model `new`) that keep the baseline unchanged."""
     old_range = float(np.ptp(old.samples.x))
     new_range = float(np.ptp(new.samples.x))
     slope = p[-1] / max(old_range, 1e-300)

@@ -20,7 +20,7 @@ class TrialFits:
     Attributes
     ----------
     squares : ndarray, shape (..., k)
-        Sums of squares; infinite without contact, or where the force would pull.
+        Sums of squares; infinite without contact, or where the fitted force would be tensile.
     amplitude : ndarray, shape (..., k)
         Scale A of the force.
     level, slope : ndarray, shape (..., k)

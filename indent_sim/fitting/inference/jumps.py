@@ -1,4 +1,4 @@
-"""Jumps of the force of an adhesive tip: its snap-in at the approach, its pull-off at the end.
+"""Jumps of the force of an adhesive tip: snap-in in the approach, pull-off in the retraction.
 
 Each sample of an adhesive tip belongs to a branch, positive in contact and negative out of contact:
 
@@ -29,7 +29,7 @@ MIN_SIDE_SAMPLES = 5
 
 @dataclass(frozen=True)
 class Jumps:
-    """Branches of the samples of a curve, as far as its clear jumps determine them.
+    """Branches of the samples of a curve, if clear jumps determine them.
 
     Attributes
     ----------

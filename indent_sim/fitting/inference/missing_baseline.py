@@ -1,10 +1,10 @@
 """Curves without a baseline: those that begin in contact, and those that begin with a toe.
 
 A fit of contact point, level and slope would mistake the beginning of the contact for a tilted
-baseline. A curve with too few samples before contact gets the level 0 and the slope 0. If the force
-rises before contact in a curved way (a toe, due to a rough or frayed surface), the baseline is that
-of the samples far from the body, and the toe is left out, as in the toe compensation of compression
-tests.
+baseline. For a curve with too few samples before contact, level and slope of the baseline are 0. If
+the force rises before contact in a curved way (a toe, due to a rough or frayed surface), the
+baseline is that of the samples far from the body, and the toe is left out, as in the toe
+compensation of compression tests.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class KnownBaseline:
     Attributes
     ----------
     origin
-        Options of the contact point, with the baseline.
+        Options of the contact point and the baseline, with the known baseline.
     samples
         The samples without the toe.
     note
@@ -57,12 +57,12 @@ class KnownBaseline:
     other_samples: tuple[Samples, ...] = ()
 
     def fits(self, known: Estimate, free: Estimate) -> bool:
-        """Return whether a curve without a baseline is fitted as well with the known one."""
+        """Return whether the known baseline fits the curve as well as a free one does."""
         return self.origin.has_slope or known.rms < MAX_RMS_RATIO * free.rms
 
 
 def known_baseline(samples: Samples, estimate: Estimate) -> KnownBaseline | None:
-    """Return the baseline of a curve that has none, None if the curve has one.
+    """Return a baseline that is assumed and not fitted; None if the curve has a baseline.
 
     Parameters
     ----------
@@ -85,8 +85,9 @@ def known_baseline(samples: Samples, estimate: Estimate) -> KnownBaseline | None
     if count < MIN_BASELINE_POINTS or is_steep:
         known = _zero_baseline(origin, x, force, noise)
         note = (
-            "no baseline: the curve begins in contact. The level 0 and the slope 0 are taken; if "
-            "the instrument has another zero, say --level X, or --contact-point X"
+            "no baseline: the curve begins in contact. The level and the slope of the baseline "
+            "are assumed to be 0; if the force out of contact is not 0, give --level X, or "
+            "--contact-point X"
         )
         return KnownBaseline(known, samples, note) if known else None
     if not origin.has_slope:
@@ -97,7 +98,7 @@ def known_baseline(samples: Samples, estimate: Estimate) -> KnownBaseline | None
 def _zero_baseline(
     origin: OriginOptions, x: np.ndarray, force: np.ndarray, noise: float
 ) -> OriginOptions | None:
-    """Return the options of a curve that begins in contact; None if its beginning is flat."""
+    """Return the options of a curve that begins in contact; None if it begins with a flat part."""
     # In contact the force rises from the first sample on: compare the first samples with the next
     # ones.
     m = max(MIN_BASELINE_POINTS, len(x) // 20)
@@ -157,9 +158,10 @@ def _baseline_before_toe(
     return KnownBaseline(
         replace(estimate.model.origin, level=level, slope=slope),
         without_toe,
-        "the force rises before contact as no straight baseline does (a toe): the baseline is that "
-        f"of the {far} samples farthest from the body, {level:.3g} + {slope:.3g} x, and the toe, "
-        f"up to {100 * TOE_FORCE:.0f} % of the force, is left out; --no-slope fits all samples",
+        "before contact the force rises gradually, which a straight baseline cannot describe (a "
+        f"toe): the baseline is that of the {far} samples farthest from the body, {level:.3g} + "
+        f"{slope:.3g} x, and the toe, up to {100 * TOE_FORCE:.0f} % of the force, is left out; "
+        "--no-slope fits all samples",
         tuple(others),
     )
 

@@ -1,8 +1,8 @@
 """Assessment of a fit: adequacy of the model, and stated intervals of the parameters.
 
-A scene does not explain a curve if the residuals have a trend, if the value changes with the depth
-range of the fit, if the contact is noisier than the baseline, or if another model is better. The
-interval is then widened until it contains the values of those fits.
+A scene does not explain a curve if the residuals have a trend, if the parameters change with the
+depth range of the fit, if the contact is noisier than the baseline, or if another model is better.
+The interval is then widened until it contains the values of those fits.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from indent_sim.fitting.inference.estimate import (
     samples_out_of_contact,
     standard_deviation,
 )
+from indent_sim.fitting.inference.joint_estimate import JointEstimate
 from indent_sim.fitting.inference.noise import (
     NORMAL_95,
     average_over_noise,
@@ -68,6 +69,8 @@ class ModelAssessment:
         Other models of the curve.
     systematic_half_widths : tuple of float
         Half widths (k,) of the intervals of theta due to mesh and calibration, added in quadrature.
+    together : JointEstimate, optional
+        The fit of several curves together, whose part this one is.
     """
 
     estimate: Estimate
@@ -76,6 +79,7 @@ class ModelAssessment:
     p_baseline: float | None
     alternatives: list[AlternativeModel] = field(default_factory=list)
     systematic_half_widths: tuple[float, ...] = ()
+    together: JointEstimate | None = None
 
     @property
     def better_models(self) -> list[AlternativeModel]:
@@ -87,9 +91,10 @@ class ModelAssessment:
         """Reasons why the scene does not explain the curve; empty if it does.
 
         Each entry is the name of a significantly better model, or "shape" (the residuals have a
-        trend), "window" (the parameters depend on the depth range) or "baseline" (the contact is
-        noisier than the baseline, or moves it away from its samples). Residuals at the level of
-        round-off are not a reason.
+        trend), "window" (the parameters depend on the depth range), "baseline" (the residuals in
+        contact are noisier than those of the baseline, or the fit moves the baseline away from the
+        samples out of contact) or "tips" (the curves of several tips contradict each other).
+        Residuals at the level of round-off are not a reason.
         """
         # Residuals below this fraction of the largest force are round-off, as of a
         # simulated curve.
@@ -104,6 +109,7 @@ class ModelAssessment:
             "shape": self.p_shape < MIN_SHAPE_P,
             "window": is_depth_dependent,
             "baseline": is_noisy,
+            "tips": self.together is not None and self.together.p_together < MIN_SHAPE_P,
         }
         return [
             *(model.name for model in self.better_models),
@@ -165,7 +171,7 @@ class ModelAssessment:
 
     @property
     def is_identifiable(self) -> bool:
-        """True if every parameter is known to a factor of three and not at a bound of its range."""
+        """True if every parameter is known to a factor of three and is not at a bound."""
         keys = range(self.estimate.model.coordinate_count)
         # A parameter whose factor of uncertainty is larger is not identifiable.
         max_identifiable_factor = 3.0
@@ -260,7 +266,7 @@ def find_residual_trend(estimate: Estimate) -> ResidualTrend:
 def trend_cosines(x: np.ndarray, contact_point: np.ndarray, depth: np.ndarray) -> np.ndarray:
     """Return eight cosines (..., 8, n) over the contact, 0 before it.
 
-    They begin 0.35 depths before first contact, and end at the deepest sample.
+    The cosines begin 0.35 depths before first contact, and end at the deepest sample.
 
     Parameters
     ----------
@@ -281,8 +287,8 @@ def trend_cosines(x: np.ndarray, contact_point: np.ndarray, depth: np.ndarray) -
 def _snap_in_probability(force: np.ndarray) -> float:
     """Return the probability that the largest drop between two samples (n,) is noise.
 
-    The samples are in order of depth, and the median of their changes gives the noise. Slow noise
-    hides the attraction around a snap-in, but not the drop itself.
+    The samples are in order of depth, and the noise follows from the median of the changes between
+    samples. Slow noise hides the attraction around a snap-in, but not the drop itself.
     """
     changes = np.diff(force)
     # Standard deviation of a normal distribution over the median of its absolute value.
@@ -312,8 +318,9 @@ def _exponent_derivative(model: CurveModel, p: np.ndarray) -> np.ndarray:
 def baseline_noise_probability(estimate: Estimate) -> float | None:
     """Return the probability that the contact contradicts the baseline by chance.
 
-    The contact is noisier than the baseline, or has moved it away from the samples out of contact.
-    The probability is the smaller one of both; None if the baseline is too short.
+    The contact contradicts the baseline if it is noisier, or if it has moved the baseline away from
+    the samples out of contact. The smaller probability of the two is returned; None if the baseline
+    is too short.
     """
     model = estimate.model
     r = estimate.residual

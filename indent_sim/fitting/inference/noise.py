@@ -66,7 +66,7 @@ class Noise:
         return float(self.gram(r[None])[0, 0])
 
     def apply_covariance(self, X: np.ndarray) -> np.ndarray:
-        """Return V X of columns (n, m)."""
+        """Multiply columns (n, m) by the covariance of the noise."""
         if not self.tau:
             return X
         rho = self.rho
@@ -164,7 +164,7 @@ class ParameterUncertainty:
     likeliest_noise : Noise
         Noise with the largest likelihood.
     s2 : float
-        Variance of this noise.
+        Variance of the likeliest noise.
     covariance : ndarray, shape (p, p)
         Covariance of the parameters, averaged over all noise models.
     step : ndarray, shape (p,)
@@ -235,7 +235,7 @@ def average_over_noise(
 
 
 def _column_norms(J: np.ndarray) -> np.ndarray:
-    """Return the norms (p,) of columns J (n, p), 1 for columns of zeros."""
+    """Return the norms (p,) of the columns of a Jacobian (n, p), 1 for columns of zeros."""
     norms = np.sqrt((J * J).sum(axis=0))
     return np.where(norms > 0, norms, 1.0)
 
@@ -270,7 +270,7 @@ def solve_normal_equations(gram: np.ndarray, p: int | None = None) -> LinearFit:
     gram : ndarray, shape (..., c, c)
         [J, ..., r]'V^-1 [J, ..., r] of columns J of similar norm, and residuals r as the last one.
     p : int, optional
-        Number of leading columns J that are fitted; by default all but the last one.
+        Number of leading columns J that are fitted; by default all columns except the last.
 
     Returns
     -------

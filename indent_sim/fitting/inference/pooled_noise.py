@@ -2,10 +2,10 @@
 
     V_ij = s_b^2 sum_k w_k R_k(|i - j|),   w_k >= 0,   R_k(0) = 1
 
-s_b is the standard deviation of curve b; the shape of the noise is that of the instrument and the
-same for all. R_k are white noise, exponentials of different correlation times, and slowly damped
-waves, as interference of the laser causes. The weights maximize the restricted likelihood of the
-baselines r_b, with K orthogonal to straight lines,
+s_b is the standard deviation of curve b; the shape of the noise is determined by the instrument and
+the same for all curves. R_k are white noise, exponentials of different correlation times, and
+slowly damped waves, as interference of the laser causes. The weights maximize the restricted
+likelihood of the baselines r_b, with K orthogonal to straight lines,
 
     -2 ln L = sum_b ln|K'V K| + r_b'K (K'V K)^-1 K'r_b
 
@@ -48,7 +48,7 @@ class NoiseComponent:
     wavelength: float = math.inf
 
     def autocorrelation(self, lags: np.ndarray) -> np.ndarray:
-        """Return R at lags [samples]."""
+        """Return the autocorrelation at lags [samples]."""
         if not self.decay_length:
             return np.where(lags == 0, 1.0, 0.0)
         return np.cos(2.0 * np.pi * lags / self.wavelength) * np.exp(-lags / self.decay_length)
@@ -67,7 +67,7 @@ class PooledNoise:
     baseline_count : int
         Number of baselines from which it was estimated.
     baseline_samples : int
-        Number of samples of each of them.
+        Number of samples of each baseline.
     """
 
     components: tuple[NoiseComponent, ...]
@@ -76,7 +76,7 @@ class PooledNoise:
     baseline_samples: int = 0
 
     def as_record(self) -> dict[str, Any]:
-        """Return the noise as plain data; the wavelength of a component without one is None."""
+        """Return the noise as data for JSON; an infinite wavelength is None."""
         return {
             "components": [
                 {
@@ -94,7 +94,7 @@ class PooledNoise:
 
     @classmethod
     def from_record(cls, record: Mapping[str, Any]) -> PooledNoise:
-        """Return the noise that `as_record` gave; raise KeyError or TypeError for other data."""
+        """Return the noise from data of `as_record`; raise KeyError or TypeError for other data."""
         components = tuple(
             NoiseComponent(part["decay_length"], part["wavelength"] or math.inf)
             for part in record["components"]
@@ -116,7 +116,10 @@ class PooledNoise:
         return _cosine_metric(self, n)
 
     def variances(self, rows: np.ndarray) -> np.ndarray:
-        """Return d'V d (...) for rows d (..., n), by a circulant that contains V."""
+        """Return the variances (...) of linear combinations of noise with coefficients (..., n).
+
+        They are d'V d for the rows d, computed with a circulant matrix that contains V.
+        """
         n = rows.shape[-1]
         size = next_fast_len(2 * n, real=True)
         covariance = self.autocovariance(n)
@@ -164,8 +167,8 @@ class CosineMetric:
     """Weights of the squares of cosine coefficients: C W C' approximates V^-1.
 
     W is the inverse of the diagonal of C'V C, with the cosine transform C. Parameters estimated
-    with it are unbiased, and nearly as precise as with V^-1; their covariance has to be computed
-    with V itself (`PooledNoise.variances`).
+    with these weights are unbiased, and nearly as precise as with V^-1; their covariance has to be
+    computed with V itself (`PooledNoise.variances`).
     """
 
     weights: np.ndarray
@@ -235,7 +238,7 @@ def _maximize_likelihood(
 ) -> tuple[float, np.ndarray]:
     """Return ln L per curve and the weights of the components.
 
-    The variances of the curves and the weights are computed in turn.
+    The variances of the curves and the weights are computed alternately.
     """
     m = len(K)
     degrees_of_freedom = K.shape[1]
@@ -270,7 +273,7 @@ def _maximize_likelihood(
 def _negative_log_likelihood(
     weights: np.ndarray, matrices: list[np.ndarray], S: np.ndarray
 ) -> tuple[float, np.ndarray]:
-    """Return -ln L of a curve of variance 1 and its gradient."""
+    """Return the negative log-likelihood per curve and its gradient, for a variance of 1."""
     V = np.tensordot(weights, matrices, axes=1)
     try:
         factor = cho_factor(V)

@@ -1,20 +1,22 @@
 """Intervals by profile likelihood: for each fixed value of a parameter, all others are refitted.
 
-Over a wide interval the sum of squares is not a quadratic function of a parameter. With
-Q(v) = min r'V^-1 r/s2 at the value v, the interval is where Q(v) - Q < (1.96 f)^2; f is the
-standard deviation averaged over all noise models, relative to that with the most likely one.
-Example: modulus and Poisson's ratio of a layer with 2 % noise (60 curves); the 95 % intervals of a
-quadratic approximation contained 82 % of the true values, and these intervals 95 %.
+Over a wide interval the sum of squares is not a quadratic function of a parameter. With Q(v) = min
+r'V^-1 r/s2 at the value v, the interval is where Q(v) - Q < (1.96 f)^2; f is the standard deviation
+averaged over all noise models, relative to that with the most likely one. In 60 fits of modulus and
+Poisson's ratio of a layer with 2 % noise, the 95 % intervals of a quadratic approximation contained
+82 % of the true values, and the profile intervals 95 %.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
 from indent_sim.fitting.forward_model.parameter_grid import ForwardModelUnavailable
+from indent_sim.fitting.forward_model.parameters import Parameter
 from indent_sim.fitting.inference.estimate import (
     FARTHEST_LOG_DISTANCE,
     Estimate,
@@ -53,27 +55,59 @@ def _profile_interval(estimate: Estimate, k: int) -> tuple[float, float]:
 
 
 def _profile_end(estimate: Estimate, k: int, side: float, critical_rise: float) -> float:
-    """Return the value at which the profile has risen by `critical_rise`.
-
-    If the other parameters cannot be fitted along the profile, the value of the quadratic
-    approximation is returned. The lower end of a work of adhesion that may be next to nothing is 0.
-    """
+    """Return the end of the interval of a parameter on one side, see `profile_end`."""
     model = replace(estimate.model, fixed=frozenset({k}))
     noise = estimate.uncertainty.likeliest_noise
     p = estimate.p.copy()
-    start = float(p[k])
-    sd = float(estimate.sd[k])
-    low, high = model.forward_model.parameters[k].bounds
     smallest_squares = noise.squares(model.residual(p))
-    previous_value = start
-    previous_rise = 0.0
     # Iterations of a fit that begins at the solution for the neighbouring value.
     neighbour_iterations = 12
+
+    def rise_at(value: float) -> float:
+        p[k] = value
+        p[:], squares = model.least_squares(p, noise, neighbour_iterations)
+        return max((squares - smallest_squares) / estimate.uncertainty.s2, 0.0)
+
+    parameter = model.forward_model.parameters[k]
+    deviation = side * float(estimate.sd[k])
+    return profile_end(rise_at, float(p[k]), deviation, critical_rise, parameter)
+
+
+def profile_end(
+    rise_at: Callable[[float], float],
+    start: float,
+    deviation: float,
+    critical_rise: float,
+    parameter: Parameter,
+) -> float:
+    """Return the value at which the profile has risen by `critical_rise`.
+
+    If the other parameters cannot be fitted along the profile, the value of the quadratic
+    approximation is returned. The lower end is 0 for a work of adhesion that may be negligible.
+
+    Parameters
+    ----------
+    rise_at
+        Rise of the squares, over their variance, if the parameter has a value; it is called for
+        values that lie farther and farther from the start.
+    start
+        Fitted value.
+    deviation
+        Standard deviation, negative for the lower end.
+    critical_rise
+        Rise at the end of the interval.
+    parameter
+        The parameter.
+    """
+    side = math.copysign(1.0, deviation)
+    sd = abs(deviation)
+    low, high = parameter.bounds
+    previous_value = start
+    previous_rise = 0.0
     # Number of fixed values on each side of the estimate, and distance of the last one in standard
     # deviations.
     value_count = 7
     last_distance = 3.0
-    parameter = model.forward_model.parameters[k]
     farthest = last_distance * sd
     if not parameter.is_linear:
         farthest = min(farthest, FARTHEST_LOG_DISTANCE)
@@ -84,12 +118,10 @@ def _profile_end(estimate: Estimate, k: int, side: float, critical_rise: float) 
         distances = np.append(distances, np.geomspace(farthest, FARTHEST_LOG_WORK, 8)[1:])
     for distance in distances:
         value = min(max(start + side * distance, low), high)
-        p[k] = value
         try:
-            p, squares = model.least_squares(p, noise, neighbour_iterations)
+            rise = rise_at(value)
         except (ForwardModelUnavailable, ValueError, np.linalg.LinAlgError):
             return start + side * min(NORMAL_95 * sd, farthest)
-        rise = max((squares - smallest_squares) / estimate.uncertainty.s2, 0.0)
         if rise >= critical_rise:
             fraction = (math.sqrt(critical_rise) - math.sqrt(previous_rise)) / max(
                 math.sqrt(rise) - math.sqrt(previous_rise), 1e-300

@@ -1,4 +1,4 @@
-"""Reader of AFM files of JPK, and by the optional package afmformats of other makers.
+"""Reader of AFM files of JPK and, by the optional package afmformats, of other makers.
 
 The other makers are Asylum and AFM workshop.
 """
@@ -80,7 +80,7 @@ def read_afm_file(path: Path, stiffness: float | None = None) -> Sequence[Measur
 
 
 def _load_data_sets(formats: Any, errors: Any, path: Path, stiffness: float | None) -> list[Any]:
-    """Return the data sets of a file, with the given stiffness if the file has none."""
+    """Return the data sets of a file; the given stiffness is used if the file has none."""
     try:
         data_sets = formats.load_data(path)
         for data in data_sets:

@@ -56,7 +56,7 @@ class ColumnRoles:
     approach
         Columns of the whole curve, or of its approach.
     retract
-        Columns of the retraction if it has its own, else None.
+        Columns of the retraction if it has separate columns; None otherwise.
     notes
         Sentences about assumptions.
     is_abscissa_guessed
@@ -147,7 +147,7 @@ def _requested_roles(layout: TextLayout, requested: Sequence[str], file: str) ->
             notes.append(f"column '{title.text}' is taken for {ROLE_TEXTS[named]} by its title")
             role = named
         if role == "force" and title.kind in ("length", "voltage", "current"):
-            notes.append(f"column '{title.text}' is in {title.unit}: it is taken for a deflection")
+            notes.append(f"column '{title.text}' is in {title.unit}: it is taken as a deflection")
             role = "deflection"
         if title.kind and title.kind not in KINDS[role] and not _is_force(role, title):
             raise ConfigError(
@@ -179,12 +179,12 @@ def _is_force(role: str, title: ColumnTitle) -> bool:
 
 
 def _abscissa_of_name(title: ColumnTitle) -> str:
-    """Return the role z or separation if the title names one of them, else delta."""
+    """Return the role z or separation if the title names one of the two; otherwise delta."""
     return next((role for role in ("z", "separation") if title.name in ROLE_NAMES[role]), "delta")
 
 
 def _column(layout: TextLayout, word: str, file: str) -> Column:
-    """Return a column by its title, with or without unit, or by its number from 1."""
+    """Return a column by its title, with or without unit, or by its number, counted from 1."""
     texts = [title.text.lower() for title in layout.titles]
     names = [title.name for title in layout.titles]
     for sign, name in ((1, word.lower()), (-1, word.lower().removeprefix("-"))):
@@ -201,7 +201,7 @@ def _column(layout: TextLayout, word: str, file: str) -> Column:
 
 
 def _roles_without_titles(layout: TextLayout) -> ColumnRoles:
-    """Return the roles of two columns without titles; raise NoCurve for another number."""
+    """Return the roles of two columns without titles; raise NoCurve if there are not two."""
     if layout.other_titles:
         raise NoCurve(
             f"the titles '{layout.other_titles[:80]}' are not those of {layout.width} columns: "
@@ -241,12 +241,12 @@ def _roles_by_name(layout: TextLayout, part: str) -> dict[str, Column]:
 
 
 def _fits(role: str, title: ColumnTitle) -> bool:
-    """Return whether a column can have a role by its unit."""
+    """Return whether a column has a unit that is possible for a role."""
     return title.kind in KINDS[role] and not (role == "part" and title.unknown_unit)
 
 
 def _add_roles_by_unit(layout: TextLayout, roles: dict[str, Column]) -> tuple[str, ...]:
-    """Add roles by unit: the only column with a unit of force, length or time has that role.
+    """Add roles by unit: the only column with a unit of force, length or time has this role.
 
     This works for titles in any language. Returns sentences about the assumptions.
     """
@@ -268,7 +268,8 @@ def _add_roles_by_unit(layout: TextLayout, roles: dict[str, Column]) -> tuple[st
             roles[role] = Column(places[0])
             if is_named and role == "force":
                 notes.append(
-                    f"column '{layout.titles[places[0]].text}' is taken for the force by its unit"
+                    f"column '{layout.titles[places[0]].text}' is taken as the force because of "
+                    "its unit"
                 )
     return tuple(notes)
 

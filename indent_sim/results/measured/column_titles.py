@@ -76,11 +76,11 @@ class ColumnTitle:
     name
         Name of the quantity in lower case, without unit and part of the curve.
     unit
-        Unit, "" if the title has none that is known.
+        Unit; "" if the title has no known unit.
     kind
         Kind of the unit: length, force, time, voltage or current; "" without a unit.
     part
-        Part of the curve that the column belongs to, approach or retract; "" for all parts.
+        Part of the curve to which the column is limited, approach or retract; "" for all parts.
     unknown_unit
         Text in brackets that is no known unit and may be one; "" otherwise.
     """
@@ -144,12 +144,12 @@ def unit_and_kind(text: str) -> tuple[str, str]:
 
 
 def is_known_name(name: str) -> bool:
-    """Return whether a name is that of a quantity of a curve."""
+    """Return whether a name is the name of a quantity of a curve."""
     return any(name in names for names in ROLE_NAMES.values())
 
 
 def is_unit_text(text: str) -> bool:
-    """Return whether a cell may stand in a line of units."""
+    """Return whether a cell can be a cell in a line of units."""
     word = text.strip().strip("[]()").strip()
     is_bracketed = text.strip()[:1] in ("[", "(") and text.strip()[-1:] in ("]", ")")
     is_known = word.lower() in (*NO_UNITS, *OTHER_UNITS) or bool(unit_and_kind(word)[1])
@@ -157,14 +157,14 @@ def is_unit_text(text: str) -> bool:
 
 
 def unit_factor(unit: str, kind: str) -> float:
-    """Return the SI value of a unit of this kind."""
+    """Return the SI value of a unit of the given kind."""
     if kind in SIGNAL_UNITS:
         return SIGNAL_UNITS[kind][unit]
     return si_factor(unit, kind)
 
 
 def _is_unit_of(unit: str, kind: str) -> bool:
-    """Return whether a text is a unit of this kind."""
+    """Return whether a text is a unit of the given kind."""
     try:
         return si_factor(unit, kind) > 0
     except ConfigError:

@@ -22,7 +22,7 @@ TEXT_SUFFIXES = (".csv", ".txt", ".tsv", ".dat", ".tab", ".asc", ".itx")
 
 
 def curve_files(path: Path) -> list[Path]:
-    """Return the file itself, or the files of a folder that may contain curves, sorted by name.
+    """Return the given file, or the files of a folder that may contain curves, sorted by name.
 
     Raises UsageError if there is no such file.
     """
@@ -74,8 +74,8 @@ def read_curves(
     Raises
     ------
     NoCurve
-        If the file contains no curve; the message gives the reason. The sequence of a map raises it
-        for a curve that is damaged.
+        If the file contains no curve; the message gives the reason. For a map, the returned
+        sequence raises NoCurve when a damaged curve is read.
     ConfigError
         A column of `columns` does not exist.
     UsageError
@@ -106,7 +106,7 @@ def _is_nanoscope_file(file: Path) -> bool:
 
 
 def _refuse_unreadable(path: Path) -> None:
-    """Raise UsageError for a file that cannot be opened, before another package fails on it."""
+    """Raise UsageError for a file that cannot be opened, before another package reads it."""
     try:
         open_regular_file(path).close()
     except (OSError, ValueError) as error:

@@ -157,7 +157,7 @@ class _RowReader:
         return numbers.reshape(-1, len(self.columns))  # type: ignore[no-any-return]
 
     def _parse_lines(self, number: int, block: str) -> np.ndarray:
-        """Parse a block line by line; NoCurve names an invalid line."""
+        """Parse a block line by line; raise NoCurve with the number of an invalid line."""
         layout = self.layout
         rows: list[list[float]] = []
         for line_number, cells, line in self.lines(number, block):
@@ -181,7 +181,7 @@ class _RowReader:
         return np.array(rows, dtype=float).reshape(-1, len(self.columns))
 
     def _is_mark(self, cells: Cells) -> bool:
-        """Return whether a line is a line of words between rows, and not a row of the table."""
+        """Return whether a line contains words between rows and is not a row of the table."""
         filled = [cell for cell in cells if cell]
         numbers = sum(map(self.layout.is_number, filled))
         if self.is_repeated:

@@ -31,11 +31,11 @@ class IndentationCycle:
     F
         Forces (n,) [force], > 0 pushing.
     start
-        Row at which unloading starts: the last one of the hold, or that of the largest force.
+        Row at which unloading starts: the last row of the hold, or the row of the largest force.
     end
         First row after unloading.
     hold_start
-        First row of a hold at constant force; None without one.
+        First row of a hold at constant force; None without a hold.
     F_noise, h_noise
         Standard deviations of the scatter of force and depth from row to row; 0 if unknown.
     notes
@@ -68,7 +68,7 @@ class IndentationCycle:
 
     @property
     def creep(self) -> float | None:
-        """Change of depth in the hold, divided by the depth at its beginning; None without one."""
+        """Change of depth in the hold, divided by the depth at its beginning, or None."""
         if self.hold_start is None:
             return None
         h_1 = float(self.h[self.hold_start])
@@ -102,7 +102,7 @@ class IndentationCycle:
 
     @property
     def h_p(self) -> float | None:
-        """Depth at which the force of unloading vanishes [length]; None if it does not."""
+        """Depth at which the force of unloading vanishes [length]; None if it never does."""
         if self._end_of_contact < self.end:
             return self._zero_crossing
         # A force below this fraction of the largest one counts as zero.
@@ -112,13 +112,13 @@ class IndentationCycle:
 
     @property
     def _end_of_contact(self) -> int:
-        """First row of unloading whose force is not positive; `end` if there is none."""
+        """First row of unloading whose force is not positive; `end` if all forces are positive."""
         negative = np.flatnonzero(self.F[self.start : self.end] <= 0)
         return self.start + int(negative[0]) if len(negative) else self.end
 
     @property
     def _zero_crossing(self) -> float:
-        """Depth at which the straight line to the first row without force vanishes [length]."""
+        """Depth at which the force vanishes, interpolated linearly [length]."""
         after = self._end_of_contact
         F_before, F_after = self.F[after - 1 : after + 1]
         h_before, h_after = self.h[after - 1 : after + 1]
@@ -132,8 +132,8 @@ class IndentationCycle:
         fraction = self.F[self.start : self.end] / self.F_max
         if fraction.min() > low * (1 + 1e-9):
             raise UsageError(
-                f"unloading ends at {fraction.min():.0%} of the largest force, above the "
-                f"{low:.0%} down to which it is fitted",
+                f"unloading ends at {fraction.min():.0%} of the largest force, but it is to be "
+                f"fitted down to {low:.0%}",
                 "choose another part with --top, for example --top "
                 f"98:{ceil(100 * fraction.min())}",
             )
@@ -185,6 +185,67 @@ def indentation_cycle(h: np.ndarray, F: np.ndarray, is_measured: bool = True) ->
 
 
 @dataclass(frozen=True)
+class CreepRate:
+    """Rate of the depth at the end of a hold at constant force.
+
+    Attributes
+    ----------
+    value
+        Mean rate over the last third of the hold [length/time].
+    error
+        Half-width of the 95 % interval, from the scatter of the samples [length/time].
+    relative_stiffness
+        Ratio of `value` to the rate of the force at the beginning of unloading [length/force].
+        Multiplied by the stiffness S, it is the relative change of S due to creep.
+    """
+
+    value: float
+    error: float
+    relative_stiffness: float
+
+
+def creep_rate(cycle: IndentationCycle, t: np.ndarray, unloading: slice) -> CreepRate | None:
+    """Return the rate of the depth at the end of the hold; None if it is unknown.
+
+    The rate is unknown if the cycle has no hold, or if the hold has too few rows.
+
+    Parameters
+    ----------
+    cycle
+        The cycle.
+    t
+        Times of its rows (n,).
+    unloading
+        Rows of unloading from which the rate of the force is taken.
+    """
+    if cycle.hold_start is None:
+        return None
+    hold = np.arange(cycle.hold_start, cycle.start + 1)
+    duration = float(t[hold[-1]] - t[hold[0]])
+    used = hold[t[hold] >= t[hold[-1]] - duration / 3.0]
+    # A line needs a third row for its scatter.
+    min_rows = 3
+    fall = float(np.ptp(cycle.F[unloading]))
+    passed = float(np.ptp(t[unloading]))
+    if len(used) < min_rows or not (duration > 0 and fall > 0 and passed > 0):
+        return None
+    rate, error = _line(t[used], cycle.h[used])
+    return CreepRate(rate, error, rate * passed / fall)
+
+
+def _line(t: np.ndarray, h: np.ndarray) -> tuple[float, float]:
+    """Return the slope of a regression line and the half-width of its 95 % interval."""
+    time = t - t.mean()
+    depth = h - h.mean()
+    square = float(time @ time)
+    if not square > 0:
+        raise UsageError("the times of a hold do not increase", "check the column of times")
+    rate = float(time @ depth) / square
+    residual = depth - rate * time
+    return rate, 1.96 * float(np.sqrt(residual @ residual / (len(t) - 2) / square))
+
+
+@dataclass(frozen=True)
 class LowForceHold:
     """Hold at a small constant force during unloading, in which the depth drifts.
 
@@ -197,7 +258,7 @@ class LowForceHold:
     duration
         Duration of the hold [time].
     force_fraction
-        Force of the hold over the largest force.
+        Force of the hold divided by the largest force.
     """
 
     rate: float
@@ -207,7 +268,7 @@ class LowForceHold:
 
 
 def low_force_hold(t: np.ndarray, h: np.ndarray, F: np.ndarray) -> LowForceHold:
-    """Return the hold at low force after the largest force, with the drift of the depth in it.
+    """Return the hold at low force after the largest force, with its drift of the depth.
 
     The first fifth of the hold, in which the sample still recovers, is left out.
 
@@ -236,29 +297,20 @@ def low_force_hold(t: np.ndarray, h: np.ndarray, F: np.ndarray) -> LowForceHold:
     passing = 2 * scatter / (0.28 * largest) * len(low)
     if len(rows) < max(min_rows, 3 * passing):
         raise UsageError(
-            "--drift hold needs a hold at 2 to 30 % of the largest force after it, and the curve "
-            "has none",
+            "--drift hold needs a hold at 2 to 30 % of the largest force, after this force was "
+            "reached, but the curve has none",
             "give the rate, for example --drift '0.05 nm/s'",
         )
     used = rows[t[rows] >= t[rows[0]] + recovery * (t[rows[-1]] - t[rows[0]])]
-    time = t[used] - t[used].mean()
-    depth = h[used] - h[used].mean()
-    square = float(time @ time)
-    if not square > 0:
-        raise UsageError("--drift hold needs times that increase", "check the column of times")
-    rate = float(time @ depth) / square
-    residual = depth - rate * time
-    deviation = float(np.sqrt(residual @ residual / (len(used) - 2) / square))
     return LowForceHold(
-        rate,
-        1.96 * deviation,
+        *_line(t[used], h[used]),
         float(t[rows[-1]] - t[rows[0]]),
         float(np.median(F[rows])) / largest,
     )
 
 
 def _longest_plateau(F: np.ndarray, rows: np.ndarray, scatter: float) -> np.ndarray:
-    """Return the longest run of some rows whose forces stay within a scatter of their median."""
+    """Return the longest run of rows whose forces stay within a scatter of their median."""
     if not len(rows):
         return rows
     # The level at which most forces lie is the middle of the narrowest half-open window of the
@@ -274,9 +326,9 @@ def _longest_plateau(F: np.ndarray, rows: np.ndarray, scatter: float) -> np.ndar
 def noise_of(values: np.ndarray) -> float:
     """Estimate the standard deviation of the white scatter of a smooth sequence of numbers (n,).
 
-    Fourth differences of white noise have sqrt(70) times its standard deviation, and those of a
-    smooth curve nearly vanish; the median ignores the corners of the curve. Returns 0 for fewer
-    than MIN_ROWS_OF_NOISE numbers.
+    The standard deviation of fourth differences of white noise is sqrt(70) times that of the noise,
+    and fourth differences of a smooth curve nearly vanish; the median ignores the corners of the
+    curve. Returns 0 for fewer than MIN_ROWS_OF_NOISE numbers.
     """
     if len(values) < MIN_ROWS_OF_NOISE:
         return 0.0
@@ -300,7 +352,7 @@ def _check_signal(name: str, largest: float, noise: float) -> None:
 
 
 def _hold(F: np.ndarray, peak: int, noise: float) -> tuple[int | None, int]:
-    """Return the first row of a hold at constant force, if any, and the row where it ends.
+    """Return the first row of a hold at constant force (or None) and the row at which it ends.
 
     Without a hold the second number is the row of the largest force.
     """
@@ -316,8 +368,11 @@ def _hold(F: np.ndarray, peak: int, noise: float) -> tuple[int | None, int]:
     scatter = max(3 * noise, 1e-3 * largest)
     held = rows[np.abs(F[rows] - level) <= scatter]
     # In a curve without a hold, two ramps at a constant rate have a fraction of about 2
-    # scatter/largest of all rows near the largest force; a hold must have more.
-    min_rows = max(10.0, (0.04 + 2 * scatter / largest) * len(F))
+    # scatter/largest of all rows near the largest force, and those at the rates just below it pass
+    # the scatter in `passing` rows; a hold must have more. A ramp that is rounded like a sine has
+    # three times as many rows within the scatter as at these rates.
+    passing = np.count_nonzero((distance > near) & (distance <= 3 * near)) * scatter / near
+    min_rows = max(10.0, min((0.04 + 2 * scatter / largest) * len(F), 5 * passing))
     if len(held) < min_rows:
         return None, peak
     # In a hold the forces scatter around the median. The last row above the median ends it, since
@@ -339,7 +394,10 @@ def _end_of_unloading(F: np.ndarray, start: int, noise: float) -> int:
 
 
 def _refuse_relaxation(cycle: IndentationCycle) -> None:
-    """Raise UsageError if the force relaxes: falls at a depth that is held or still grows."""
+    """Raise UsageError if the force decreases although the depth is constant or increases.
+
+    This happens if the body relaxes or creeps.
+    """
     rows = slice(cycle.start, cycle.end)
     h = cycle.h[rows]
     F = cycle.F[rows]
@@ -348,7 +406,8 @@ def _refuse_relaxation(cycle: IndentationCycle) -> None:
     recovery = float(h[0] - h[half])
     slope = float(F[0] - F[half]) / recovery if recovery > 0 else 0.0
     tolerance = 4 * cycle.h_noise + 1e-4 * cycle.h_max
-    last = int(np.flatnonzero(h >= h[0] - tolerance)[-1])
+    # With noise the largest force may come before the deepest row.
+    last = int(np.flatnonzero(h >= h.max() - tolerance)[-1])
     fall = float(F[0] - F[last])
     # Fraction of the force that may be lost, in addition to the decrease by unloading within the
     # tolerance of the depth.

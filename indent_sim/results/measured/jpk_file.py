@@ -74,7 +74,8 @@ def read_jpk_file(path: Path, stiffness: float | None = None) -> Sequence[Measur
     Raises
     ------
     NoCurve
-        If the file or its only curve cannot be read. The sequence of a map raises it for a curve.
+        If the file or its only curve cannot be read. For a map, the returned sequence raises
+        NoCurve when a damaged curve is read.
     Uncalibrated
         If the first curve has no force.
     """
@@ -137,8 +138,8 @@ class JpkFile:
     def curve(self, index: int) -> MeasuredCurve:
         """Return a curve in SI units, from the beginning of its approach on.
 
-        Segments are approach, hold and retract by their style: extend, pause and retract; that of
-        a modulation is the part "modulation".
+        A segment of the style extend, pause or retract becomes the part approach, hold or retract
+        of the curve; a segment with modulation becomes the part "modulation".
 
         Raises
         ------
@@ -215,7 +216,7 @@ class JpkFile:
         return MeasuredMap(shape, size, places, self.curve, stiffness=stiffness)
 
     def _position_pattern(self) -> dict[str, str]:
-        """Return the properties of the grid of a map; empty if the file has none."""
+        """Return the properties of the grid of a map; empty if the file has no grid."""
         if HEADER not in self._archive.NameToInfo:
             return {}
         try:
@@ -226,7 +227,7 @@ class JpkFile:
         return {name: header[f"{head}{dot}{name}"] for head, dot, name in found if name}
 
     def properties(self, name: str) -> dict[str, str]:
-        """Return the properties in a member of the archive; raise NoCurve if it has none."""
+        """Return the properties in a member of the archive; raise NoCurve if it is missing."""
         data = self._read(name, MAX_PROPERTY_BYTES)
         lines = (line.strip() for line in data.decode("latin-1").split("\n"))
         pairs = (line.partition("=") for line in lines if line and line[0] not in "#!")
@@ -260,7 +261,7 @@ class JpkFile:
         raise self._no_curve(f"more than {MAX_SEGMENTS} segments")
 
     def _resolved(self, own: Properties, head: str, kind: str) -> dict[str, str]:
-        """Return the properties below `head`, and those of the shared data to which it refers."""
+        """Return the properties below `head`, including the shared data to which it refers."""
         names = {
             key[len(head) + 1 :]: value for key, value in own.items() if key.startswith(f"{head}.")
         }
@@ -301,7 +302,10 @@ class JpkFile:
     def _values(
         self, segment: _Segment, name: str, channel: Properties, slot: str, unit: str
     ) -> np.ndarray:
-        """Return the numbers of a channel (n,), converted to a slot that must have this unit."""
+        """Return the numbers of a channel (n,), converted by a slot that must have this unit.
+
+        A slot is one of the conversions that the file defines for the channel.
+        """
         encoder = "encoder." if "encoder.type" in channel else "data.encoder."
         encoding = channel.get(f"{encoder}type", "")
         if encoding not in ENCODINGS:
@@ -351,14 +355,14 @@ class JpkFile:
             raise self._no_curve(f"{name} {reason}") from None
 
     def _no_curve(self, why: str) -> NoCurve:
-        """Return the error of this file."""
+        """Return a NoCurve error that names this file."""
         return NoCurve(why, str(self.path))
 
 
 def _first_segment(name: str) -> re.Match[str] | None:
     """Return the match of a member's name if it is the header of a curve's first segment.
 
-    None for any other member.
+    The result is None for every other member.
     """
     return FIRST_SEGMENT.fullmatch(name) if name.endswith("t-header.properties") else None
 

@@ -19,7 +19,7 @@ class MeasuredMap(Sequence[MeasuredCurve]):
     Attributes
     ----------
     shape
-        Number of rows and columns of the grid. The first row is the one that is scanned first.
+        Number of rows and columns of the grid. The first row is scanned first.
     size
         Lengths [length] of the scanned area along a column and along a row; None if unknown.
         Neighbouring places are size[0] / shape[0] and size[1] / shape[1] apart.
@@ -86,7 +86,7 @@ class MeasuredMap(Sequence[MeasuredCurve]):
 def _read_selected(
     read_curve: Callable[[int], MeasuredCurve], indices: np.ndarray, index: int
 ) -> MeasuredCurve:
-    """Return a curve by its index among the selected ones."""
+    """Return a curve by its index among the selected curves."""
     return read_curve(int(indices[index]))
 
 

@@ -32,13 +32,13 @@ PART_WORDS = {
     **dict.fromkeys(HOLD_WORDS, "hold"),
     **dict.fromkeys(RETRACT_WORDS, "retract"),
 }
-SEPARATION_NOTE = "column 1 falls while the force rises: taken as separation"
+SEPARATION_NOTE = "column 1 falls while the force rises: it is taken as the tip-sample separation"
 SENSITIVITY_KEY = "--sensitivity '50 nm/{unit}'"
 STIFFNESS_KEY = "--set experiment.cantilever.stiffness=..."
 
 
 class NoCurve(UsageError):
-    """Error: a file, or a part of it, contains no measured curve; the message gives the reason."""
+    """Error: a file or a part of it contains no measured curve; the message gives the reason."""
 
     prefix = "not a curve: "
 
@@ -76,10 +76,10 @@ class MeasuredCurve:
     units
         Names of the units of length, force and time; "" if the file has no units.
     notes
-        Sentences about assumptions of the reader.
+        Sentences about assumptions that were made when the file was read.
     is_abscissa_guessed
-        True if nothing in the file says that `delta` is a depth. If the scene has a spring, it is
-        then taken as the displacement of the base.
+        True if nothing in the file says that `delta` is a depth. If the scene has a spring, `delta`
+        is then taken as the displacement of the base.
     """
 
     name: str
@@ -97,7 +97,7 @@ class MeasuredCurve:
         return len(self.force)
 
     def available_abscissa(self, preferred: Abscissa) -> Abscissa:
-        """Return the preferred abscissa ("delta" or "z") if the curve has it, else the other."""
+        """Return the preferred abscissa, "delta" or "z", or the other one if it is missing."""
         alternative: Abscissa = "z" if preferred == "delta" else "delta"
         return preferred if getattr(self, preferred) is not None else alternative
 
@@ -115,8 +115,8 @@ class MeasuredCurve:
     def part(self, name: CurvePart) -> MeasuredCurve:
         """Return the rows of one part; a hold includes the preceding approach.
 
-        The part "both" is approach and retraction without a hold between them, which are then the
-        parts of the returned curve. Raises NoCurve if the curve has no such part.
+        The part "both" consists of approach and retraction, without a hold between them; they are
+        the parts of the returned curve. Raises NoCurve if the curve has no such part.
         """
         if name == "all":
             return self
@@ -163,7 +163,7 @@ class MeasuredCurve:
         }
         stiffness = self.stiffness and self.stiffness * factors["force"] / factors["length"]
         guesses = tuple(
-            f"the file has no unit of {kind}: {wanted[kind]} of the scene is taken"
+            f"the file has no unit of {kind}: {wanted[kind]} is assumed, the unit of the scene"
             for kind in ("length", "force")
             if self.units.get(kind) == "" and wanted.get(kind)
         )
@@ -187,7 +187,7 @@ def _unit_ratio(kind: str, curve_unit: str, wanted_unit: str) -> float:
 
 
 def curve_parts(x: np.ndarray, is_timed: bool = False) -> dict[str, slice]:
-    """Return the rows of approach, hold and retract of a path of depths.
+    """Return the rows of approach, hold and retract, from depths in the order of the file.
 
     A path on which the depth only decreases is an approach in reverse order, as in files sorted by
     z, unless the rows are in the order of time.
@@ -252,7 +252,7 @@ def segment_word(name: str) -> str:
 
 
 def curve_parts_by_name(names: np.ndarray) -> dict[str, slice]:
-    """Return the rows of approach, hold and retract by a column of names or numbers.
+    """Return the rows of approach, hold and retract, from a column of names or numbers.
 
     Parameters
     ----------

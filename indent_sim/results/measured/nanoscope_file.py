@@ -72,7 +72,7 @@ def read_nanoscope_file(path: Path, stiffness: float | None = None) -> Sequence[
     ------
     NoCurve
         If the file cannot be read or its deflections are impossible; the message gives the reason.
-        The sequence of a volume raises it for a curve.
+        For a volume, the returned sequence raises NoCurve when a damaged curve is read.
     BackendError
         If the file is a PeakForce capture, and the package that reads it is missing.
     """
@@ -174,7 +174,7 @@ class NanoscopeFile:
         )
 
     def measured_map(self) -> MeasuredMap:
-        """Return the curves of a force volume as a map, with the image of the height if any.
+        """Return the curves of a force volume as a map, with the image of the height if it exists.
 
         The rows of the grid are in the order of the file, and none of them is traversed backwards.
         """
@@ -209,7 +209,7 @@ class NanoscopeFile:
         return rows, columns
 
     def _points_of_segment(self) -> int:
-        """Return the number of points of the approach, which is that of the retraction."""
+        """Return the number of points of the approach, which equals that of the retraction."""
         text = self._image.get("samps/line") or _first(self._sections, FORCE).get("samps/line", "")
         counts = {_count(word) for word in text.split()}
         if len(counts) != 1 or not (points := counts.pop()):
@@ -248,7 +248,7 @@ class NanoscopeFile:
         return float(quantity["step"]), self._sensitivity(quantity["sensitivity"])
 
     def _sensitivity(self, name: str | None) -> float:
-        """Return a sensitivity [m/V] by its name, 0 if the file lacks it or it is no length."""
+        """Return a sensitivity [m/V] by its name; 0 if it is missing or is not a length."""
         for _, section in self._sections:
             quantity = QUANTITY.fullmatch(section.get((name or "").lower(), ""))
             # A sensitivity of the deflection without a unit is in nm/V.
@@ -257,7 +257,7 @@ class NanoscopeFile:
         return 0.0
 
     def _step_factor_by_trigger(self, volts: float) -> float:
-        """Return the factor of the step of a stored integer, by comparison with the trigger.
+        """Return the factor of V/LSB, by comparison of the deflection with the trigger threshold.
 
         Parameters
         ----------
@@ -325,7 +325,7 @@ class NanoscopeFile:
         return volts * factor * sensitivity * values.reshape(self.shape) if sensitivity else None
 
     def _no_curve(self, why: str) -> NoCurve:
-        """Return the error of this file."""
+        """Return a NoCurve error that names this file."""
         return NoCurve(why, str(self.path))
 
 
@@ -353,7 +353,7 @@ def _read_header(path: Path) -> list[tuple[str, Section]]:
 
 
 def _first(sections: Sequence[tuple[str, Section]], title: str) -> Section:
-    """Return the first section of a title; empty if there is none."""
+    """Return the first section with a title; empty if there is none."""
     return next((section for name, section in sections if name == title), {})
 
 

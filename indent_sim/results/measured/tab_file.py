@@ -13,7 +13,9 @@ from indent_sim.results.reader import Results
 
 
 def tab_text(results: Results) -> str:
-    """Return the text of a .tab file of a result: approach before contact, approach, retract.
+    """Return the text of a .tab file of a result, with three parts in the order of time.
+
+    The parts are the approach before contact, the approach in contact, and the retraction.
 
     With the spring constant k of the metadata, height (measured) [m] is the height of the base,
     -(delta + force/k), and tip position [m] is -delta.

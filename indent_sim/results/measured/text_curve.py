@@ -52,7 +52,10 @@ Values = dict[str, np.ndarray]
 
 @dataclass(frozen=True)
 class _Rows:
-    """Complete rows of a table: values by role, words or None, and the marks above each row."""
+    """Complete rows of a table: values by role, an optional column of words, and the marks.
+
+    The marks are lines of words, each with the number of rows above it.
+    """
 
     values: Values
     words: np.ndarray | None
@@ -91,7 +94,7 @@ def read_text_curves(
     NoCurve
         If the file is not a table of numbers; the message gives the reason and the line.
     ConfigError
-        A column or a role of `columns` does not exist, or the text of the sensitivity is not one.
+        A column or a role of `columns` does not exist, or the text of the sensitivity is not valid.
     """
     text = decode(data)
     layout = detect_layout(text)
@@ -167,7 +170,7 @@ class _Quantities:
         self.stiffness = self._stiffness_of_header()
 
     def curve(self, table: TextRows, indices: Sequence[int]) -> tuple[_Rows, dict[str, slice]]:
-        """Return the rows of a table as a curve, and its parts as far as columns tell them."""
+        """Return the rows of a table as a curve, and its parts if the columns determine them."""
         places = {index: k for k, index in enumerate(indices)}
         rows = [
             _complete_rows(
@@ -194,7 +197,7 @@ class _Quantities:
         return _Rows(values, None, ()), parts
 
     def measured_curve(self, name: str, rows: _Rows, parts: dict[str, slice]) -> MeasuredCurve:
-        """Return a curve whose rows are in the order of time, with its parts."""
+        """Return a curve with its parts; the rows must be in the order of time."""
         notes: list[str] = []
         values = dict(rows.values)
         if "separation" in values:
@@ -353,8 +356,8 @@ class _Quantities:
 def _falls_on_contact(x: np.ndarray, force: np.ndarray) -> bool | None:
     """Return whether an abscissa decreases towards the body; None if the force does not show it.
 
-    The body is at that end of the abscissa at which the force deviates more from its median,
-    provided that it is above the median there.
+    The body is at the end of the abscissa at which the force deviates more from its median,
+    provided that this force is above the median.
     """
     if len(x) < 2:
         return None
@@ -425,7 +428,7 @@ def _separate_tables(table: TextRows, layout: TextLayout) -> list[TextRows]:
 
 
 def _segment_word(line: str) -> str:
-    """Return the word for a part of a curve in a line, "" if there is none."""
+    """Return the word in a line that names a part of a curve; "" if there is none."""
     match = SEGMENT_COMMENT.match(line.strip())
     if match:
         return match["word"].lower()
@@ -440,7 +443,7 @@ def _segment_word(line: str) -> str:
 
 
 def _part_words(rows: _Rows, layout: TextLayout) -> tuple[np.ndarray | None, list[str]]:
-    """Return words for the parts of the curve (rows,), None if the file has none."""
+    """Return a word (rows,) that names the part of the curve of each row; None without words."""
     if rows.words is not None:
         return rows.words, []
     named = [(row, word) for row, line in rows.marks if (word := _segment_word(line))]
@@ -457,7 +460,7 @@ def _part_words(rows: _Rows, layout: TextLayout) -> tuple[np.ndarray | None, lis
 
 
 def _parts_by_words(words: np.ndarray) -> tuple[dict[str, slice], list[str]]:
-    """Return the parts by words, and sentences; no parts if the words do not name any."""
+    """Return the parts that the words name, and sentences about assumptions."""
     distinct = set(words.tolist())
     if len(distinct) == 1 and not next(iter(distinct)).strip("0123456789. "):
         return {}, []
@@ -479,7 +482,7 @@ def _parts_by_words(words: np.ndarray) -> tuple[dict[str, slice], list[str]]:
 def _order_of_time(
     t: np.ndarray | None, has_parts: bool
 ) -> tuple[np.ndarray | None, tuple[str, ...]]:
-    """Return the order that sorts the rows by time (None if they are sorted), and sentences.
+    """Return the order that sorts the rows by time (None if they are sorted), and notes.
 
     If the times restart a few times, they are counted in each segment, and the segments follow each
     other.
@@ -493,13 +496,13 @@ def _order_of_time(
 
 
 def _continued_times(t: np.ndarray) -> np.ndarray:
-    """Return times without restarts: those of each segment continue after the previous segment."""
+    """Return times without restarts: the times of each segment continue those of the last one."""
     steps = np.diff(t)
     restarts = np.flatnonzero(steps < 0)
     if not len(restarts) or len(restarts) > MAX_RESTARTS:
         return t
     step = float(np.median(steps[steps > 0])) if np.any(steps > 0) else 0.0
     shifted = t.copy()
-    for row in restarts.tolist():
+    for row in map(int, restarts):
         shifted[row + 1 :] += shifted[row] + step - shifted[row + 1]
     return shifted

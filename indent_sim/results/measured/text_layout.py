@@ -56,7 +56,7 @@ class TextLayout:
     has_margin
         Whether the rows begin with a separator.
     other_titles
-        Line of titles above the numbers that has another number of cells, "" if there is none.
+        Line of titles above the numbers with another number of cells; "" if there is none.
     notes
         Sentences about assumptions.
     """
@@ -225,7 +225,7 @@ def _apply_signs(layout: TextLayout, lines: Sequence[str]) -> TextLayout:
 
 
 def _signs_of_number(cell: str) -> list[str]:
-    """Return the patterns in a number that determine the decimal sign; none for integers."""
+    """Return the patterns in a number that determine the decimal sign; an integer has none."""
     digits = re.sub(r"[eE].*", "", cell)
     signs = re.sub(r"[^.,]", "", digits)
     if not signs:
@@ -341,7 +341,7 @@ def _join_titles(names: Cells, units: Cells) -> tuple[ColumnTitle, ...]:
 
 
 def _title_cells(layout: TextLayout, text: str) -> Cells | None:
-    """Return the cells of a line of titles, None if their number is not that of the columns."""
+    """Return the cells of a line of titles; None unless there is one cell for each column."""
     # Words that Igor writes before the names of the columns.
     text = re.sub(r"^WAVES(?:/\w)*\s+", "", re.sub(" {3,}", "  ", text[:MAX_LINE_LENGTH]))
     splits = [layout.cells(text)]

@@ -92,7 +92,7 @@ def picture_text(text: str, max_characters: int = 60) -> str:
 
 
 def plan_choice(report: Report, key: str) -> str | None:
-    """Return the program's choice for a key of the plan; None if the report has none."""
+    """Return the program's choice for a key of the plan; None if the report has no such choice."""
     choices = report.get("plan", {}).get("choices", [])
     return next((str(choice["value"]) for choice in choices if choice.get("key") == key), None)
 
@@ -124,7 +124,8 @@ def tip_axis_position(
     along
         0 for x, 1 for y.
     slides
-        For each result, the displacement (x, y) of a tip that slides [length]; 0 if None.
+        For each result, the displacement (x, y) of a tip that slides [length]; 0 if the whole
+        argument is None.
     """
     moved = [0.0] * len(runs) if slides is None else [slide[along] for slide in slides]
     places = {

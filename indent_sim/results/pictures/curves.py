@@ -39,7 +39,8 @@ def map_colour(index: int, count: int) -> Colour:
 def split_branches(delta: np.ndarray) -> list[tuple[slice, bool]]:
     """Split a path of depths at its turning points.
 
-    A turning point belongs to both branches. A hold of the tip belongs to the branch before it.
+    A turning point is a row of both branches. A hold of the tip is a part of the branch before the
+    hold.
 
     Returns
     -------

@@ -32,7 +32,8 @@ EXPERIMENT_PICTURE = "experiment.png"
 def has_elastic_curve(folder: Path, report: Report) -> bool:
     """Return whether a run has an experiment to draw.
 
-    It has rows in experiment.csv, or its history was evaluated on its elastic curve.
+    An experiment can be drawn if experiment.csv has rows, or if the history was evaluated on the
+    elastic curve.
     """
     return (folder / EXPERIMENT).exists() or (report.get("time") or {"way": "steps"}).get(
         "way"

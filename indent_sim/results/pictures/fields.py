@@ -41,8 +41,8 @@ class FieldQuantity:
     Attributes
     ----------
     name
-        Name of the quantity, in which {r} and {t} stand for the first two axes: r and theta of an
-        axisymmetric body, otherwise x and y.
+        Name of the quantity, in which {r} and {t} are replaced by the first two axes: r and theta
+        of an axisymmetric body, otherwise x and y.
     kind
         Kind of quantity, which determines the unit; "1" for a dimensionless number.
     values
@@ -120,7 +120,7 @@ FIELDS = {
 
 @dataclass(frozen=True)
 class Section:
-    """Section of the deformed body with a field on it.
+    """Section of the deformed body with the values of a field.
 
     Attributes
     ----------
@@ -166,7 +166,7 @@ class Section:
         return 2 * self.areas <= min_height * longest
 
     def values_in_frame(self, frame: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the values at the points within a frame (left, right, bottom, top), and areas.
+        """Return the values and the areas of the points in a frame (left, right, bottom, top).
 
         The area of a point is a third of the area of its triangles.
         """
@@ -276,7 +276,7 @@ def _vertex_means(points: np.ndarray, cells: np.ndarray, values: np.ndarray) -> 
 def _cut_tetrahedra(
     points: np.ndarray, moved: np.ndarray, cells: np.ndarray, values: np.ndarray, y: float
 ) -> RegionPart:
-    """Return the triangles in which the plane y of the undeformed body cuts tetrahedra."""
+    """Return the triangles in which a plane y = const of the undeformed body cuts tetrahedra."""
     distance = points[:, 1] - y
     count = (distance[cells] > 0).sum(axis=1)
     # The vertices of each tetrahedron are ordered from the front of the plane to its back.
@@ -351,7 +351,7 @@ class FieldRow:
     def frame(self) -> np.ndarray:
         """Limits (left, right, bottom, top) [length] of the axes.
 
-        They enclose the surroundings of the contacts, or the whole body if it is small.
+        The limits enclose the surroundings of the contacts, or the whole body if it is small.
         """
         points = np.concatenate([section.points for section in self.sections])
         (left, bottom) = points.min(axis=0)
@@ -403,7 +403,10 @@ class FieldRow:
         return float(np.ptp(self.frame[2:]) / np.ptp(self.frame[:2]))
 
     def _frame_of_aspect(self, aspect: float) -> np.ndarray:
-        """Return the view with a larger height, extended downwards into the body, then upwards."""
+        """Return the view at a larger aspect ratio, extended downwards first, then upwards.
+
+        Downwards it is extended at most to the bottom of the body.
+        """
         left, right, bottom, top = self.frame
         missing_height = aspect * (right - left) - (top - bottom)
         if missing_height <= 0:

@@ -329,7 +329,7 @@ def _draw_theory(axes: Axes, theory: Report, depth: Axis, force: Axis) -> None:
 
 
 def _deviation_text(deviation: float) -> str:
-    """Return the deviation of a formula from this run as text."""
+    """Return as text by how much a formula deviates from this run."""
     percent_text = f"{abs(deviation):.1%}"
     if percent_text == "0.0%":
         return "as this run"
@@ -398,9 +398,9 @@ def draw_side_force(axes: Axes, results: Results, side_force: str) -> None:
 
 
 def _loop_begin(x: np.ndarray) -> int | None:
-    """Return the last row at which a closed loop of the slide begins, which ends at the last row.
+    """Return the last row at which a closed loop of the slide begins; it ends at the last row.
 
-    None if the tip has not come back to its last position.
+    The result is None if the tip was not at its last position before.
     """
     span = np.ptp(x)
     same = np.flatnonzero(np.abs(x[:-1] - x[-1]) <= 1e-9 * span)

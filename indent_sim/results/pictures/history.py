@@ -148,8 +148,8 @@ def _smooth_log_time(t: np.ndarray, y: np.ndarray) -> Points:
 def _draw_limits(results: Results, panel_axes: dict[str, Axes], legend_axes: Axes) -> None:
     """Draw the force of a linear body before, and after, all flow and relaxation.
 
-    It is the force at the largest depth; if forces are prescribed, it is replaced by the depth at
-    the largest force.
+    The force is drawn at the largest depth. If forces are prescribed, the depth at the largest
+    force is drawn instead.
     """
     column_name = "delta" if results.report.get("control") == "force" else "force"
     limits = (results.report.get("time") or {}).get("limits") or {}
@@ -166,7 +166,10 @@ def _draw_limits(results: Results, panel_axes: dict[str, Axes], legend_axes: Axe
 
 
 def first_visible_time(results: Results) -> float:
-    """Return the first time after 0 with a visible force, or depth if forces are prescribed."""
+    """Return the first time after 0 at which the force is visible.
+
+    If forces are prescribed, it is the first time at which the depth is visible.
+    """
     size = np.abs(
         np.nan_to_num(results["delta" if results.report.get("control") == "force" else "force"])
     )

@@ -175,7 +175,7 @@ class _Panel:
     draw_in_own_figure
         Function that draws into axes of another program's figure.
     aspect
-        Smallest ratio of height to width; None if any ratio is possible.
+        Smallest ratio of height to width; None if every ratio is possible.
     """
 
     draw: Callable[[Axes, float], None]
@@ -490,8 +490,8 @@ def _pressure_panels(
 ) -> list[_Panel]:
     """Return the panel of pressure curves: over the radius, or along a line through the tip's axis.
 
-    The pressure of a body in 3D is drawn along x or y. If `panel_kind` names no axis, it is left
-    out here, because `_map_groups` draws it as a map.
+    The pressure of a body in 3D is drawn along x or y. If `panel_kind` names no axis, the pressure
+    of such a body is left out here, because `_map_groups` draws it as a map.
     """
     along: Literal[0, 1] = 1 if panel_kind == "pressure_y" else 0
     curves_to_draw = []
@@ -635,8 +635,8 @@ def _labelled_steps(
 def _requested_steps(run: Results, request: PlotRequest, panel_kind: str) -> list[float]:
     """Return the steps of a result to be shown.
 
-    They are the requested steps, or for an animation a selection of all steps, or by default the
-    step of the largest force, and in a profile that of the imprint.
+    They are the requested steps; for an animation, a selection of all steps; by default, the step
+    of the largest force, and in a profile also the step of the imprint.
     """
     key = "fields" if panel_kind in MAP_PANELS else "surface"
     stored_steps = (
@@ -652,7 +652,10 @@ def _requested_steps(run: Results, request: PlotRequest, panel_kind: str) -> lis
                 f"{run.path} has fields of {len(available)} of {len(run)} steps, "
                 "but an animation (film) needs all"
             )
-            raise UsageError(problem, "run it with --set output.fields=all, or name --steps")
+            raise UsageError(
+                problem,
+                "run the scene again with --set output.fields=all, or choose steps with --steps",
+            )
         return [float(step) for step in history.film_steps(run, available)]
     requested = [available[-1] if word == "last" else word for word in request.steps]
     reduced_run = replace(run, surface={"step": np.array(available, dtype=float)})

@@ -46,7 +46,7 @@ class ContactSurface:
     """Pressure on the modelled part of the contact surface at one step.
 
     Points are on the deformed surface if the gap is evaluated there, since the contact radius is
-    then measured there, too.
+    then also measured there.
 
     Attributes
     ----------
@@ -57,8 +57,8 @@ class ContactSurface:
     center
         Position of the tip's axis (2,) [length].
     mirror_axes
-        Two values: whether the model ends at the tip's axis in the x direction, and whether it does
-        in the y direction.
+        Two values: whether the model ends at the tip's axis in the x direction, and whether it ends
+        there in the y direction.
     a
         Contact radius [length].
     singularities
@@ -90,7 +90,7 @@ class ContactSurface:
 
     @property
     def half_width(self) -> float:
-        """Half-width of the view [length]: 1.5 contact radii or all loaded points.
+        """Half-width of the view [length]: 1.5 contact radii, or more to show all loaded points.
 
         The corners of a polygonal contact with few sides are farther from the axis than 1.5 times
         the radius of a circle of equal area.
@@ -155,7 +155,7 @@ class ContactSurface:
     def _mirror_line(
         self, x: np.ndarray, p: np.ndarray, middle: float
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Complete a profile by its mirror image, and move it to the position of the tip."""
+        """Complete a profile by its mirror image, and shift it to the position of the tip."""
         if self.mirror_axes[0]:
             x = np.concatenate([-x[::-1], x])
             p = np.concatenate([p[::-1], p])
@@ -220,7 +220,7 @@ def is_deformed(results: Results) -> bool:
 
 
 def position_label(name: str, runs: Sequence[Results]) -> str:
-    """Return the label of positions, with the surface on which they are measured."""
+    """Return the label of positions, which names the surface on which they are measured."""
     deformed = [is_deformed(run) for run in runs]
     if all(deformed):
         return f"deformed {name}"
@@ -310,7 +310,7 @@ def draw_pressures(
     limits: tuple[float, float] | None = None,
     along: Literal[0, 1] = 0,
 ) -> None:
-    """Draw pressures over the radius, in plane strain over x, in 3D along a line through the axis.
+    """Draw pressures over r, in plane strain over x, in 3D along a line through the tip's axis.
 
     Parameters
     ----------
@@ -529,7 +529,7 @@ class PressureMaps:
 def _mirror_surface(contact: ContactSurface) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return positions and pressures with their mirror images.
 
-    The model may be a half or a quarter of the body.
+    The mirror images are needed if the model domain is a half or a quarter of the body.
     """
     x = contact.x
     y = contact.y

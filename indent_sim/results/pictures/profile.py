@@ -162,8 +162,8 @@ def draw_profiles(axes: Axes, shown: Sequence[tuple[Results, float, str, object]
 def tip_lift(results: Results, step: float, scene: Config) -> Profile:
     """Return the displacement of the tip's surface over the distance from its axis [length].
 
-    It is 0 for a rigid tip. The surface of a soft tip lies above that of the body by the gap; if
-    the surface of the step is not stored, its undeformed outline is drawn.
+    The result is 0 for a rigid tip. The surface of a soft tip lies above the surface of the body by
+    the gap. If the surface of the step is not stored, the undeformed outline of the tip is drawn.
     """
     is_step = results.surface.get("step", np.zeros(0)) == step
     if scene.indenter.elastic_part is None or not is_step.any():
@@ -192,7 +192,10 @@ def draw_tip(
     length: Axis,
     lift: Profile,
 ) -> None:
-    """Draw the tip at a depth, in the plane through its axis; `lift` deforms a soft tip."""
+    """Draw the section of the tip through its axis at a depth.
+
+    `lift` is the upward displacement of a soft tip's surface over the distance from the axis.
+    """
     s, z = _tip_line(scene, delta, middle, width, length, lift)
     axes.fill(
         np.append(s, [s[-1], s[0]]),

@@ -21,7 +21,7 @@ def natural_sort_key(name: str) -> list[tuple[float, str]]:
 
 
 def run_names(runs: Sequence[Results]) -> list[str]:
-    """Return short names: titles if they differ, else differing settings or folder names."""
+    """Return short names: titles if they differ, otherwise differing settings or folder names."""
     titles = [run.report.get("title", "") for run in runs]
     if all(titles) and len(set(titles)) == len(titles) and len(titles) > 1:
         return titles
@@ -33,7 +33,7 @@ def run_names(runs: Sequence[Results]) -> list[str]:
 
 
 def _differing_settings(runs: Sequence[Results]) -> list[str]:
-    """Return differing settings such as "nu 0.3, method penalty"; empty without configs."""
+    """Return differing settings such as "nu 0.3, method penalty"; empty if configs are missing."""
     configs = [config_by_key(run.path) for run in runs]
     if not all(configs):
         return [""] * len(runs)

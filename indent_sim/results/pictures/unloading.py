@@ -18,7 +18,7 @@ TANGENT_COLOUR = "#CC79A7"
 
 
 def imprint_step(results: Results) -> float | None:
-    """Return the step at which the force has become zero; None without such a row."""
+    """Return the step at which the force has become zero; None if there is no such row."""
     if "contact_area" not in results.table or "residual_depth" not in results.table:
         return None
     rows = np.flatnonzero(np.isfinite(results["residual_depth"]))
@@ -26,7 +26,7 @@ def imprint_step(results: Results) -> float | None:
 
 
 def draw_unloading(axes: Axes, results: Results, depth: Axis, force: Axis) -> None:
-    """Draw the tangent at the beginning of unloading, and the depths that follow from the loop.
+    """Draw the tangent at the beginning of unloading, and the depths computed from unloading.
 
     Nothing is drawn for a body that does not yield, or whose path does not unload.
     """
@@ -60,7 +60,7 @@ def draw_unloading(axes: Axes, results: Results, depth: Axis, force: Axis) -> No
 
 
 def draw_hardness(axes: Axes, runs: Sequence[Results], names: Sequence[str]) -> None:
-    """Draw the hardness, force over contact area, over the depth of loading.
+    """Draw the hardness (force divided by contact area) over the depth during loading.
 
     Raises
     ------

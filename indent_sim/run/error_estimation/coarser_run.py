@@ -29,7 +29,7 @@ class CoarserRun:
     states
         The rows of the run.
     scene
-        The scene of this mesh; None if it is not known.
+        The scene on this mesh; None if it is not known.
     """
 
     ratio: float
@@ -101,7 +101,7 @@ def _set_refinements(scene: Scene, refinements: int) -> Scene:
 
 
 def halve_penalty(scene: Scene) -> Scene | None:
-    """Return the scene with half the penalty stiffness; None without a penalty."""
+    """Return the scene with half the penalty stiffness; None if the law has no penalty."""
     law = scene.physics.contact
     if not isinstance(law, Penalty):
         return None
@@ -111,7 +111,7 @@ def halve_penalty(scene: Scene) -> Scene | None:
 
 
 def halve_increments(scene: Scene) -> Scene | None:
-    """Return the scene in increments half as long; None if the result is independent of them."""
+    """Return the scene in increments half as long; None if this does not change the result."""
     physics = scene.physics
     if not physics.depends_on_step_size:
         return None
@@ -122,9 +122,10 @@ def halve_increments(scene: Scene) -> Scene | None:
 
 
 def with_solved_depths(scene: Scene, states: States) -> Scene:
-    """Return the scene with the depths of its rows as they were solved, if they are searched for.
+    """Return the scene with the solved depths of its rows prescribed, if they were searched for.
 
-    Other increments on the same depths differ by the error of the increments alone.
+    Two solutions with different increments to the same depths differ only by the error of the
+    increments.
     """
     physics = scene.physics
     if not physics.searches_unloading_depths:
@@ -135,7 +136,7 @@ def with_solved_depths(scene: Scene, states: States) -> Scene:
 
 
 def double_bath_ramp(scene: Scene) -> Scene | None:
-    """Return the scene with a bath ramp of twice the duration; None without a bath ramp."""
+    """Return the scene with a bath ramp of twice the duration; None if there is no bath ramp."""
     ramp = scene.physics.bath_ramp
     return scene.replace_physics(bath_ramp=2 * ramp) if ramp else None
 
@@ -147,7 +148,7 @@ def same_mesh_scenes(scene: Scene) -> list[Scene]:
 
 
 def _halve_values(values: Sequence[float]) -> tuple[float, ...]:
-    """Return the values of a path with the mean of neighbouring values inserted between them."""
+    """Return the values of a path with the means of neighbouring values inserted."""
     steps = pairwise((0.0, *values))
     return tuple(
         refined_value

@@ -98,8 +98,8 @@ class ErrorBars:
     half_penalty_states
         The coarser run with half the penalty stiffness; None without a penalty.
     step_refinement
-        The coarser run with its own and with halved increments; None if the result is independent
-        of the increments.
+        The coarser run with its increments and with halved increments; None if the result is
+        independent of the increments.
     film_error
         Error due to thin drained boundary layers that the mesh does not resolve; None for a body
         without drainage.
@@ -159,7 +159,7 @@ class ErrorBars:
             self._stiffness_ratio = law.stiffness / coarse_law.stiffness
 
     def add_error_estimate(self, state: State) -> State:
-        """Return the state with its error estimates; NaN if the coarser run lacks the step."""
+        """Return the state with its error estimates, NaN where the coarser run lacks the step."""
         self._run_states[state.step] = state
         force_parts = (
             self._missed_contact_parts(state)
@@ -241,10 +241,10 @@ class ErrorBars:
     def _jkr_adhesive_force(self, state: State) -> float:
         """Return the adhesive part of the contact force in the JKR limit [force], >= 0.
 
-        It is 0 without adhesion. A flat contact of radius a whose edge has the energy release rate
-        K_I^2/(2 E*) = w carries the tensile force (8 pi w E* a^3)^(1/2), in plane strain (2 pi w E*
-        a)^(1/2) per length. An adhesion with a finite range has a smaller force. The contact force
-        is a compressive part minus this adhesive part.
+        The result is 0 without adhesion. A flat contact of radius a whose edge has the energy
+        release rate K_I^2/(2 E*) = w carries the tensile force (8 pi w E* a^3)^(1/2), in plane
+        strain (2 pi w E* a)^(1/2) per length. An adhesion with a finite range has a smaller force.
+        The contact force is a compressive part minus this adhesive part.
 
         Johnson, Kendall, Roberts, Proc. R. Soc. A 324, 301 (1971); Maugis, J. Colloid Interface
         Sci. 150, 243 (1992). Coverage with and without it: scripts/make_error_bar_table --only
@@ -261,11 +261,11 @@ class ErrorBars:
     def _slope_discontinuity_error(self, state: State) -> float:
         """Return the relative error of a contact that ends near a slope discontinuity of the tip.
 
-        It is 0 unless the contact ends within an element of the discontinuity. The computed contact
-        is then narrower or wider than the exact one, as at the edge of a sharp punch: the error is
-        EDGE_ERROR times the ratio of element size and radius. Under profiles and rounded punches
-        errors of 0.02 to 0.1 of that ratio were measured (tests/physics/test_accuracy.py). Elements
-        at the edge of a sharp punch are refined.
+        The error is 0 unless the contact ends within an element of the discontinuity. The computed
+        contact is then narrower or wider than the exact contact, as at the edge of a sharp punch:
+        the error is EDGE_ERROR times the ratio of element size and radius. Under profiles and
+        rounded punches errors of 0.02 to 0.1 times this ratio were measured
+        (tests/physics/test_accuracy.py). Elements at the edge of a sharp punch are refined.
         """
         tip = self._physics.indenter
         a = state.a / self._scales.length
@@ -277,12 +277,15 @@ class ErrorBars:
         return error
 
     def _elements_in_radius(self, state: State) -> float:
-        """Return the elements in the contact radius without refinement at edges or corners."""
+        """Return the number of elements in the contact radius without refinement at its edge."""
         regular_sizes = replace(self._sizes, corners=(), punch_edge=None)
         return regular_sizes.elements_in_contact(state.a / self._scales.length)
 
     def _force_difference(self, step: int) -> float:
-        """Return |F_q - F| at the same depth; NaN if the coarser run lacks the step."""
+        """Return the difference of the forces on both meshes at the same depth.
+
+        The result is NaN if the coarser run lacks the step.
+        """
         run_states = self._run_states
         coarse_states = self._coarse_states
         if step not in run_states or step not in coarse_states:
@@ -299,10 +302,11 @@ class ErrorBars:
         return abs(interpolate_force(coarse_state, state.delta, coarse_states) - state.force)
 
     def _transient_force_difference(self, state: State, coarse_state: State) -> float:
-        """Return |F_q - F| of a time-dependent row at the same depth.
+        """Return the difference of the forces on both meshes for a time-dependent row.
 
-        A difference of the depths is corrected with the slope of the load curve. The errors due to
-        drainage films are estimated separately, and both forces are corrected for them.
+        Both forces refer to the same depth: a difference of the depths is corrected with the slope
+        of the load curve. The errors due to drainage films are estimated separately, and both
+        forces are corrected for them.
         """
         difference = (
             coarse_state.force
@@ -347,16 +351,17 @@ class ErrorBars:
         return self._truncation + facet_error
 
     def _theory_distance(self, state: State) -> float:
-        """Return |F - F_theory| [force] if theory is exact for the body at this depth, else 0."""
+        """Return |F - F_theory| [force]; 0 unless theory is exact for the body at this depth."""
         if self._scene.exact_theory is None or state.delta <= 0:
             return 0.0
         solution = self._scene.theory_solution(state.delta / self._scales.depth)
         return abs(state.force - solution.force * self._scales.force) if solution else 0.0
 
     def _depth_error(self, state: State, error: float) -> float | None:
-        """Return the error of a computed depth: error of the force over slope of the load curve.
+        """Return the error of a computed depth: force error divided by the load curve's slope.
 
-        None if depths are prescribed; NaN (unknown) if the force does not increase with the depth.
+        The result is None if depths are prescribed, and NaN (unknown) if the force does not
+        increase with the depth.
         """
         if not self._has_prescribed_forces:
             return None
@@ -393,9 +398,10 @@ class ErrorBars:
 
         The moment grows with a higher power of the contact radius than the force, so that its
         relative error is MOMENT_ERROR_RATIO times that of the force. It is at least the grid
-        convergence index of the moment itself, and the effect of the error of the contact's ends.
-        The moment of a tip that slides changes its sign and has the error of its largest value; it
-        depends on the side force, whose load increments matter, too.
+        convergence index of the moment itself, and at least the effect of an error of the contact's
+        ends. The moment of a tip that slides changes its sign and has the error of its largest
+        value; it depends on the side force and therefore also has an error due to the load
+        increments.
         """
         if state.moment is None or state.x_contact is None:
             return {}
@@ -426,7 +432,7 @@ class ErrorBars:
 
     @property
     def _side_forces(self) -> tuple[str, ...]:
-        """Columns of the side forces that have error estimates, those of a tip that slides."""
+        """Columns of the side forces, which have error estimates if the tip slides."""
         physics = self._physics
         return tuple(f"side_force_{name}" for name in physics.side_force_axes if physics.slides)
 
@@ -498,8 +504,8 @@ class ErrorBars:
     def _element_size_over_peak_width(self, state: State, end_element: float) -> float:
         """Return the element size at the contact edge divided by the width of the pressure peak.
 
-        The width of the peak is the contact radius, or the part of it on the arc if the contact
-        ends at a punch's rounded edge.
+        The width of the peak is the contact radius, or the part of the radius on the arc if the
+        contact ends at a punch's rounded edge.
 
         Parameters
         ----------
@@ -516,10 +522,11 @@ class ErrorBars:
         return end_element / max(width, min(end_element, state.a))
 
     def _penalty_error_of_other_column(self, step: int, name: str) -> float:
-        """Return the error of a quantity due to the penalty, assuming a power of 1/epsilon_n.
+        """Return the error of a quantity due to the penalty, a power of 1/epsilon_n.
 
-        The error is linear in 1/epsilon_n. With a surface tension gamma, the pressure of a penalty
-        ends within (gamma/epsilon_n)^(1/2) of the contact edge, so that this is the error of a.
+        The error is linear in 1/epsilon_n, except for the contact radius a under a surface tension
+        gamma: the pressure of a penalty then ends within (gamma/epsilon_n)^(1/2) of the contact
+        edge, which is the error of a.
         """
         if self._soft_states is None:
             return 0.0
@@ -530,7 +537,7 @@ class ErrorBars:
     def _residual_depth_error(self, state: State) -> float | None:
         """Return the error of the residual depth [length]; NaN in rows without it.
 
-        None if the scene does not have it. The depth that the body recovers has at least the
+        None if the scene has no residual depth. The depth that the body recovers has at least the
         relative error that the mesh causes in the force.
         """
         unloading = self._physics.path.unloading
@@ -571,10 +578,11 @@ class ErrorBars:
         return max(abs(getattr(row, name) or 0.0) for row in self._run_states.values())
 
     def _unbalanced_slope_force(self, state: State, end_element: float) -> float:
-        """Return the side force on the slope of the tip [force] by an error of the contact's ends.
+        """Return the error of the side force due to an error of the contact's ends [force].
 
-        If one end of the contact moves by its error, its middle moves by half of it, and the force
-        acts where the slope of the tip is that of the edge times this part of the radius.
+        If one end of the contact moves by its error, the middle of the contact moves by half of it.
+        The force then acts where the slope of the tip equals the slope at the edge times the ratio
+        of this displacement to the radius.
         """
         tip = self._physics.indenter
         if state.a <= 0:
@@ -596,7 +604,7 @@ class ErrorBars:
         return float(np.max([estimate, min_error]))
 
     def _error_of_slide_dissipation(self, state: State) -> float:
-        """Return the error of the dissipation that follows from that of the side force Q [energy].
+        """Return the error of the dissipation due to the error of the side force Q [energy].
 
         The elastic energy of the shear, Q^2/(2 k), is not dissipated. The error of this energy is
         (Q/k) times the error of Q at the beginning and the end of the row. k is the slope of the
@@ -616,7 +624,7 @@ class ErrorBars:
     def _step_error(self, state: State, name: str) -> float:
         """Return the error of a quantity due to the load increments or time steps.
 
-        The error of a prescribed force is that of the depth times the slope of the load curve.
+        The error of a prescribed force is the error of the depth times the slope of the load curve.
         """
         if self._step_refinement is None:
             return 0.0
@@ -632,7 +640,7 @@ class ErrorBars:
         return refined_error
 
     def _first_increments_error(self, state: State) -> float:
-        """Return the least error of the force [force] of a body that yields, in its first rows.
+        """Return a lower bound of the force error [force] in the first rows of a body that yields.
 
         There the contact on the coarser mesh has too few elements to show the error of the
         increments. A plate has full contact from the first row on, and before yield there is no
@@ -655,9 +663,9 @@ class ErrorBars:
     def _bath_error(self, state: State, name: str) -> float:
         """Return the error of a quantity due to the finite duration of the bath ramp.
 
-        After the ramp, its effect is linear in its duration T: the change from T to 2 T is an
-        estimate of that from 0 to T. The error of a prescribed force is that of the depth times
-        the slope of the load curve.
+        After the ramp, the effect of the ramp is linear in its duration T: the change from T to 2 T
+        is an estimate of the change from 0 to T. The error of a prescribed force is the error of
+        the depth times the slope of the load curve.
         """
         if self._bath_states is None:
             return 0.0
@@ -674,10 +682,11 @@ class ErrorBars:
     def _long_step_error(self, state: State, name: str) -> float:
         """Return the error of the stick radius or the dissipation due to a long increment.
 
-        It is 0 for other results. Halving the increment may not show it. With the relative change c
-        of the contact radius in the increment, which is 1 from no contact, the relative error of
-        the dissipation is c^2. That of the stick radius is the larger one of c and its own relative
-        change; for a stick zone narrower than an element `_unresolved_stick` is added.
+        The error of other results is 0. Halving the increment may not show this error. With the
+        relative change c of the contact radius in the increment, which is 1 from no contact, the
+        relative error of the dissipation is c^2. The relative error of the stick radius is the
+        larger one of c and the relative change of the stick radius; for a stick zone narrower than
+        an element `_unresolved_stick` is added.
         """
         previous = self._run_states.get(state.step - 1)
         value = getattr(state, name)
@@ -703,8 +712,8 @@ class ErrorBars:
     def _is_contact_missed(self, state: State) -> bool:
         """True if no integration point is in contact because the depth is so small.
 
-        For a time-dependent body it is always False, and also where a body that yields has been
-        pressed deeper before: there the tip has lost contact with the imprint.
+        The result is False for a time-dependent body, and for a body that yields and was pressed
+        deeper before, because the tip has then lost contact with the imprint.
         """
         has_imprint = self._physics.yields and any(
             row.force > 0 and row.delta > state.delta for row in self._run_states.values()
@@ -713,7 +722,7 @@ class ErrorBars:
         return is_free and not self._physics.is_time_dependent and not has_imprint
 
     def _missed_contact_parts(self, state: State) -> dict[str, float]:
-        """Return the parts of the error of the force [force] for such a row."""
+        """Return the parts of the error of the force [force] for a row whose contact was missed."""
         return {"discretisation": self._value_at_next_deeper_row(state, "force")}
 
     def _value_at_next_deeper_row(self, state: State, name: str) -> float:
@@ -732,7 +741,7 @@ class ErrorBars:
 
 
 class TheoryBars:
-    """Error estimates of a scene that is solved by theory: the stated error of the theory.
+    """Error estimates of a scene that is solved by theory: the error of the theory itself.
 
     If the contact pressure of the theory is tensile somewhere, contact radius and pressure have an
     error of 100 %.
@@ -766,10 +775,10 @@ def _relative_change(old: float, new: float) -> float:
 
 
 def interpolate_force(state: State, delta: float, curve: StatesByStep) -> float:
-    """Return the force of a curve at a depth near one of its states, F (delta/delta_state)^m.
+    """Return the force of a curve at a depth near one of its states, from a power law.
 
-    m is the slope dlnF/dlndelta of the curve at the state. At the depth of the state, the result is
-    exactly its force.
+    The power law is F (delta/delta_state)^m, where m is the slope dlnF/dlndelta of the curve at the
+    state. At the depth of the state, the result is exactly its force.
 
     Parameters
     ----------

@@ -50,7 +50,7 @@ class ErrorBudget:
 
     @property
     def parts(self) -> dict[str, float]:
-        """The estimated parts, whose sum is `estimated`."""
+        """The parts that are estimated, by name; their sum is `estimated`."""
         return {
             name: value for name, value in asdict(self).items() if name not in ("step", "theory")
         }

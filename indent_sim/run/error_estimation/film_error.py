@@ -1,9 +1,9 @@
 """Error of the force due to unresolved drainage films (boundary layers) at drained faces.
 
 The error follows from one undrained equilibrium on the mesh of the run. At the moment of loading
-nothing has drained, and the fluid pressure p at the drained faces is known from this mesh. Elements
-there lose too much fluid by a known amount (`scene.boundary_films`), and reciprocity gives its
-effect on the force:
+nothing has drained, and the fluid pressure p at the drained faces is known from this mesh. The
+elements at these faces lose too much fluid by a known amount (`scene.boundary_films`), and
+reciprocity gives its effect on the force:
 
     dF(row) = 1/2 d/ddelta sum_i p_i^2 A_i E(h_i)/M
 
@@ -66,7 +66,7 @@ class FilmError:
         return float(self.force_losses @ row.excess_length(heights, self.diffusivity))
 
     def _column_error(self, row: PathRow, state: State, heights: np.ndarray) -> float:
-        """Return the error of a column that deforms only by drainage."""
+        """Return the error of the force on a column that deforms only because fluid drains."""
         drained = row.drained_length(self.diffusivity)
         excess = float(np.max(row.excess_length(heights, self.diffusivity), initial=0.0))
         return abs(state.force) * excess / drained if drained else 0.0
@@ -82,7 +82,7 @@ def estimate_film_error(
     scene
         The scene of the run.
     follow
-        Solves a scene and returns its states.
+        Function that solves a scene and returns its states.
 
     Returns
     -------
@@ -132,8 +132,7 @@ def _has_films(scene: Scene) -> bool:
 def sudden_load_scene(scene: Scene) -> Scene | None:
     """Return the scene with its largest depth or force applied at once, in two steps.
 
-    It is None if it is not needed: without films, or for a column that has no undrained
-    equilibrium.
+    The result is None without films, and for a column that has no undrained equilibrium.
     """
     path = scene.physics.path
     if not _has_films(scene) or is_undrained_incompressible(scene.physics):

@@ -32,7 +32,7 @@ def solve_no_slip_effect(run: CoarserRun, follow: Callable[[Scene], States]) -> 
     run
         The run, or its coarser run.
     follow
-        Solves a scene and returns its states.
+        Function that solves a scene and returns its states.
 
     Returns
     -------
@@ -54,8 +54,8 @@ def solve_no_slip_effect(run: CoarserRun, follow: Callable[[Scene], States]) -> 
 def no_slip_scenes(scene: Scene, depth: float) -> list[Scene]:
     """Return the scenes for the no-slip effect at a depth.
 
-    The first one is frictionless; the others stick, each with another slip reference. The list is
-    empty if the effect is not defined.
+    The first scene is frictionless; in the other scenes the contact sticks, each with another slip
+    reference. The list is empty if the effect is not defined.
     """
     frictionless = _frictionless_scene(scene) if depth > 0 else None
     if frictionless is None:
@@ -70,7 +70,7 @@ def no_slip_scenes(scene: Scene, depth: float) -> list[Scene]:
 
 
 def no_slip_base_run(run: CoarserRun, coarser_run: CoarserRun | None) -> CoarserRun:
-    """Return the run whose mesh is used for the no-slip effect: in 3D the coarser run, if any."""
+    """Return the run that gives the mesh of the no-slip effect: in 3D the coarser run."""
     is_three_dimensional = run.scene is not None and run.scene.physics.domain.dim == 3
     return coarser_run if coarser_run is not None and is_three_dimensional else run
 
@@ -78,8 +78,8 @@ def no_slip_base_run(run: CoarserRun, coarser_run: CoarserRun | None) -> Coarser
 def _frictionless_scene(scene: Scene) -> Scene | None:
     """Return the scene without friction, but with a contact law that allows friction.
 
-    None for a path-dependent contact, for a soft tip, for a body that is held only by pins, or if
-    an iteratively solved scene exceeds the memory with a direct solver.
+    The result is None for a path-dependent contact, for a soft tip, for a body that is held only by
+    pins, or if an iteratively solved scene exceeds the memory with a direct solver.
     """
     physics = scene.physics
     if physics.is_path_dependent or physics.indenter.elastic_part or physics.domain.pins:

@@ -53,7 +53,7 @@ def predict_total_cost(scene: Scene, error_bars: bool = False) -> Scene:
 def study_seconds(scene: Scene, error_bars: bool = False) -> float:
     """Return the expected processor time [s] of a run in a process that has imported the libraries.
 
-    It is comparable with `cpu_s` of study.csv.
+    The time is comparable with the column `cpu_s` of study.csv.
     """
     if not scene.is_meshed:
         return (
@@ -86,7 +86,7 @@ def auxiliary_scenes(scene: Scene, no_slip: bool) -> list[Scene]:
     scene
         The scene of the run.
     no_slip
-        True if the no-slip effect is solved, too.
+        True if the no-slip effect is also solved.
     """
     ratio, coarse_scene = coarser_scene(scene)
     base_scene = (
@@ -98,13 +98,13 @@ def auxiliary_scenes(scene: Scene, no_slip: bool) -> list[Scene]:
 
 
 def _undrained_scenes(scene: Scene) -> list[Scene]:
-    """Return the suddenly loaded scene for the film error on this mesh; empty if not needed."""
+    """Return the suddenly loaded scene for the film error on this mesh, or an empty list."""
     undrained = sudden_load_scene(scene)
     return [] if undrained is None else [undrained]
 
 
 def _expected_refinement_ratios(scene: Scene) -> list[float]:
-    """Return the expected ratios of element sizes between the first mesh and each finer one."""
+    """Return the expected ratios of element sizes of the first mesh to those of each finer mesh."""
     physics = scene.physics
     resolution = scene.plan.resolution
     if resolution is None:

@@ -61,7 +61,7 @@ class RefinementLevel:
         Parameters
         ----------
         resolve
-            Returns the scene with a given number of elements in the contact radius.
+            Function that returns the scene with a given number of elements in the contact radius.
         states
             The rows of this level [user's units].
         error_bars
@@ -112,7 +112,7 @@ def adaptive_refinement(
     Parameters
     ----------
     resolve
-        Returns the scene with a given number of elements in the contact radius.
+        Function that returns the scene with a given number of elements in the contact radius.
     elements
         Elements in the contact radius of the first level; for a resumed run, of its last level.
     previous_resolutions
@@ -163,9 +163,9 @@ def forceless_row_warnings(
         return []
     steps_text = f"{', '.join(wide_steps[:5])}{' and more' if len(wide_steps) > 5 else ''}"
     return [
-        "the requested accuracy is not required of rows whose force is at most "
-        f"{MIN_FORCE_FRACTION:g} of the largest force; the error estimate exceeds it at steps "
-        f"{steps_text}"
+        "rows need not have the requested accuracy if their force is at most "
+        f"{MIN_FORCE_FRACTION:g} of the largest force; the error estimate exceeds the accuracy "
+        f"at steps {steps_text}"
     ]
 
 
@@ -198,7 +198,7 @@ def _next_refinement(
     Parameters
     ----------
     resolve
-        Returns the scene with a given number of elements in the contact radius.
+        Function that returns the scene with a given number of elements in the contact radius.
     resolution
         The resolution of this level.
     error
@@ -224,11 +224,11 @@ def _next_refinement(
         )
     if worst.path >= allowed:
         advice = (
-            "give more loading.steps or more values; of a body that yields, a smaller accuracy has "
-            "shorter increments"
+            "give more loading.steps or more values; if the body yields, a smaller accuracy "
+            "makes the increments shorter"
             if first_step_error < resolution.target
-            else f"in the first row it is {first_step_error:.2g}, since this row is a single "
-            "increment from no contact with any number of steps"
+            else f"in the first row it is {first_step_error:.2g}, since it is always reached "
+            "in a single increment from no contact"
         )
         return (
             None,
@@ -265,7 +265,8 @@ def accuracy_entry(
 ) -> dict[str, Any] | None:
     """Return the entry `accuracy` of run.json; None if no accuracy is requested.
 
-    It contains the target and the elements in the contact radius of this and the previous levels.
+    The entry contains the target, and the number of elements in the contact radius on this and the
+    previous levels.
     """
     target = target_error(config.accuracy)
     mesh_entries = (

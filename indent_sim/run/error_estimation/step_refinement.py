@@ -25,7 +25,7 @@ from indent_sim.scene.scene import Scene
 
 @dataclass(frozen=True)
 class StepRefinement:
-    """Results of a scene with its own increments and with increments half as long."""
+    """Results of a scene with its increments and with increments half as long."""
 
     full_steps: StatesByStep
     half_steps: StatesByStep
@@ -35,7 +35,7 @@ class StepRefinement:
 
         Richardson's estimate is twice the change for order 1 and 2.6 times the change for order
         0.7. Order 0.7 was observed for paths on which new contact sticks at the position at the
-        beginning of the increment. NaN if the step is missing.
+        beginning of the increment. The error is NaN if the step is missing in one of the runs.
         """
         return SAFETY_FACTOR * value_difference(self.full_steps, self.half_steps, state.step, name)
 
@@ -50,7 +50,7 @@ class StepRefinement:
 def step_refinement(
     base_run: CoarserRun, follow: Callable[[Scene], States]
 ) -> StepRefinement | None:
-    """Solve a run with halved increments; None if its result is independent of increments."""
+    """Solve a run with halved increments; None if increments do not change its result."""
     if base_run.scene is None:
         return None
     half_increment_scene = halve_increments(with_solved_depths(base_run.scene, base_run.states))
@@ -69,7 +69,7 @@ def step_refinement(
 
 
 def value_difference(first: StatesByStep, second: StatesByStep, step: int, name: str) -> float:
-    """Return the difference of a quantity between two runs; NaN if one lacks the step."""
+    """Return the difference of a quantity between two runs; NaN if a run lacks the step."""
     if step not in first or step not in second:
         return nan
     return float(abs(getattr(second[step], name) - getattr(first[step], name)))

@@ -29,7 +29,7 @@ def unloading_force(states: StatesByStep, unloading: Unloading, delta: float) ->
 def depth_without_force(states: StatesByStep, unloading: Unloading) -> float:
     """Return the depth at which the force vanishes in unloading [length].
 
-    It is extrapolated from the last two rows with a force; NaN if rows are missing.
+    The depth is extrapolated from the last two rows with a force; NaN if rows are missing.
     """
     depths, forces = _unloading_rows(states, unloading)
     loaded = forces > 0

@@ -21,7 +21,7 @@ from indent_sim.model.layers import Layer
 from indent_sim.model.linear_elasticity import LinearElastic
 from indent_sim.model.loading import Loading
 from indent_sim.model.materials import YieldingLaw
-from indent_sim.model.spherical_bodies import Ball, Cap
+from indent_sim.model.spherical_bodies import Ball, CurvedBody, Ellipsoid
 from indent_sim.model.tilted_tip import largest_tilt, tilted
 from indent_sim.model.tips import (
     FlatPunch,
@@ -83,14 +83,17 @@ def _radius_at_depth(v: SceneVariants) -> float:
 
 
 def _wall_variant(v: SceneVariants, x: float) -> Config:
-    """Return the scene of the layer with a frictionless wall of radius 1/x."""
+    """Return the scene of the layer with a frictionless wall at the radius 1/x."""
     layer: Any = v.plain_scene.body
     cylinder = Cylinder(1 / x, layer.height, base=layer.base, sides="roller", layers=layer.layers)
     return replace_sections(v.plain_scene, body=cylinder)
 
 
 def _largest_inverse_wall_radius(v: SceneVariants) -> float:
-    """Return the inverse radius of the smallest wall in which the tip fits."""
+    """Return the largest inverse radius of a curved wall around the tip [1/length].
+
+    It is infinite unless the tip is a flat punch, which must fit into the wall.
+    """
     # Smallest radius of a wall around a flat punch, relative to that of the punch. At a ratio
     # of 1 the punch compresses the whole body, which is a different problem.
     min_wall_ratio = 1.01
@@ -145,7 +148,7 @@ def _substrate_variant(v: SceneVariants, x: float) -> Config:
 
 
 def _homogeneous_variant(v: SceneVariants) -> Config:
-    """Return the plain scene with a homogeneous body of the material under the tip."""
+    """Return the linear scene with a homogeneous body of the material under the tip."""
     law: Any = v.touched_material
     if not isinstance(v.config.body, MeshFromFile):
         law = linear_law(v.config.layers[0].material)  # type: ignore[arg-type]
@@ -165,11 +168,14 @@ def _inclusion_variant(v: SceneVariants) -> Config:
 def _inclusion_source(v: SceneVariants) -> str:
     """Return the description of the comparison with a body without inclusions."""
     place = v.stand_in_text if v.linear_scene.body.inclusions else ", in three dimensions"
-    return f"the body with its inclusions relative to one without, on one mesh{place}"
+    return (
+        "the body with its inclusions relative to the body without inclusions, on the same "
+        f"mesh{place}"
+    )
 
 
 def _finite_strain_tip(v: SceneVariants) -> Indenter:
-    """Return the tip; a flat punch with a sharper edge gets the edge radius EDGE_ROUNDING R."""
+    """Return the tip; for a flat punch with a sharper edge, the edge radius is EDGE_ROUNDING R."""
     tip = v.tip
     if isinstance(tip, FlatPunch) and tip.edge_radius < EDGE_ROUNDING * tip.radius:
         return v.rounded_tip(EDGE_ROUNDING * tip.radius)
@@ -216,7 +222,7 @@ def _tension_ratio(v: SceneVariants, tension: float) -> float:
 
 
 def _soft_tip_ratio(v: SceneVariants, x: float) -> float:
-    """Return the force under a tip of the modulus 1/x, divided by that under a rigid tip.
+    """Return the force under a tip of the modulus 1/x, divided by the force under a rigid tip.
 
     The tip has the Poisson's ratio TIP_NU.
     """
@@ -229,7 +235,8 @@ def _soft_tip_ratio(v: SceneVariants, x: float) -> float:
 def _tilt_variant(v: SceneVariants, tilt: float) -> Config:
     """Return the linear scene of the given body and tip with a tilt, in a single step.
 
-    Both tips are solved without the symmetry that only the upright one has.
+    The upright and the tilted tip are both solved without the symmetry that only the upright tip
+    has.
     """
     direction = v.config.tilt_towards if tilt else 0.0
     scene = change_materials(v.single_step_scene, linear_law)
@@ -254,13 +261,13 @@ def _punch_tilt_needs(v: SceneVariants) -> str:
 
 
 def _upright_equivalent(v: SceneVariants, tilt: float) -> Indenter | None:
-    """Return the upright tip with the sections of the tilted tip; None if there is none."""
+    """Return the upright tip with the sections of the tilted tip; None if no such tip exists."""
     tip: Any = tilted(v.tip, tilt, 0.0)
     return tip.equivalent_tip(v.config.body.dim)  # type: ignore[no-any-return]
 
 
 def _has_tilt_estimate(v: SceneVariants) -> bool:
-    """True if theory gives the force of the upright tip with the sections of a tilted one."""
+    """True if theory gives the force of the upright tip with the sections of a tilted tip."""
     return (
         not v.is_spherical
         and v.theory_variant is not None
@@ -275,10 +282,10 @@ def _largest_estimated_tilt(v: SceneVariants) -> float:
 
 
 def _tilt_ratio(v: SceneVariants, tilt: float) -> float:
-    """Return the force of the upright tip with the sections of a tilted one, over that of the tip.
+    """Return F of the upright tip with the sections of a tilted tip, divided by F of the tip.
 
-    Boundary elements on a half-space gave 0.5, 2 and 6 % more for a cone of 70 degrees at 5, 10 and
-    15 degrees, and the same for a paraboloid.
+    Boundary elements on a half-space gave a force that is larger by 0.5, 2 and 6 % for a cone of 70
+    degrees at 5, 10 and 15 degrees, and the same for a paraboloid.
     """
     scene: Any = v.theory_variant
     equivalent = _upright_equivalent(v, tilt)
@@ -297,9 +304,10 @@ def _tilt_source(v: SceneVariants) -> str:
 
 
 def _slide_variant(v: SceneVariants, **contact: Any) -> Config:
-    """Return the linear scene of the given body and tip that slides along the first stretch.
+    """Return the linear scene with a slide along the first stretch of the scene's slide.
 
-    It is pressed to the largest depth, which is held, on the elements of the scene.
+    The tip is pressed to the largest depth, which is held during the slide. The element sizes are
+    those of the scene.
     """
     slide: Any = v.config.loading.slide
     # The force at the end of the slide does not depend on the number of increments before it.
@@ -329,8 +337,8 @@ def _slide_source(v: SceneVariants) -> str:
     """Return the description of the comparison of a slide with and without friction."""
     return (
         f"friction {v.friction} relative to no friction at the end of the first stretch of the "
-        "slide, at the largest depth, on one mesh at small strain; beside this change of the force "
-        f"{_largest_side_force(v)}"
+        "slide, at the largest depth, on the same mesh at small strain; besides this change of "
+        f"the force {_largest_side_force(v)}"
     )
 
 
@@ -348,7 +356,7 @@ def _no_slip_source(v: SceneVariants) -> str:
     if v.known_no_slip:
         source = v.known_no_slip.source
     return (
-        f"no slip: {source}; the range contains all friction coefficients from "
+        f"no slip: {source}; the range includes the effect of all friction coefficients from "
         f"{SAMPLE_FRICTIONS[0]:g} on"
     )
 
@@ -393,7 +401,7 @@ def _relaxation_source(v: SceneVariants) -> str:
     if total_fraction and t > 0:
         mean_time = sum(fraction * tau for fraction, tau in terms) / total_fraction
         number = f", Deborah number {mean_time / t:.2g}"
-    return f"the history relative to that of an elastic body{number}{v.stand_in_text}"
+    return f"the force in the history relative to that of an elastic body{number}{v.stand_in_text}"
 
 
 def _stiffness_needs(v: SceneVariants) -> str:
@@ -470,7 +478,7 @@ EFFECTS: dict[str, Cases] = {
     "side_walls": (
         Absent("a half-space has no sides", when=lambda v: v.is_half_space),
         Threshold(
-            "theory of a layer with and without the wall",
+            "theory of a layer with the wall relative to that of a layer without it",
             "a frictionless wall at radius",
             lambda v, x: v.theory_ratio(_wall_variant(v, x), v.plain_scene),
             initial=lambda v: min(0.3 / v.config.body.height, _largest_inverse_wall_radius(v)),
@@ -480,13 +488,13 @@ EFFECTS: dict[str, Cases] = {
             when=lambda v: isinstance(v.config.body, UnboundedBody),
         ),
         Comparison(
-            "the strip relative to one with distant walls",
+            "the strip relative to a strip with distant walls",
             lambda v: v.plain_scene,
             _strip_with_distant_walls,
             when=lambda v: isinstance(v.config.body, Strip),
         ),
         Absent(
-            "included in the row of the thickness, which compares the whole body",
+            "included in the row of the thickness, which compares the whole body with a half-space",
             when=lambda v: v.layer_scene is None,
         ),
         Change(
@@ -496,8 +504,9 @@ EFFECTS: dict[str, Cases] = {
         ),
         Range(
             lambda v: (
-                f"range between a body without sides and one with {' or '.join(v.side_supports)} "
-                "sides all around at the distance of the nearest side"
+                "range between an infinitely wide body and one with "
+                f"{' or '.join(v.side_supports)} sides all around at the distance of the nearest "
+                "side"
             ),
             _side_wall_range,
         ),
@@ -538,8 +547,8 @@ EFFECTS: dict[str, Cases] = {
             when=lambda v: len(v.config.layers) < 2 and not getattr(v.config.body, "regions", None),
         ),
         Comparison(
-            "the body with its layers relative to a homogeneous one of the material under the tip"
-            "{v.stand_in_text}",
+            "the body with its layers relative to a homogeneous body of the material under the "
+            "tip{v.stand_in_text}",
             lambda v: v.plain_scene,
             _homogeneous_variant,
         ),
@@ -619,15 +628,18 @@ EFFECTS: dict[str, Cases] = {
     ),
     "bond_below": (
         Absent(
-            "only a cap or a ball can rest on a flat without a bond",
-            when=lambda v: not isinstance(v.config.body, Cap | Ball),
+            "only a cap, a ball or an ellipsoid can rest on a flat without a bond",
+            when=lambda v: not isinstance(v.config.body, CurvedBody),
         ),
         Absent(
-            "the ball is held by two tips",
-            when=lambda v: v.config.body.base == "roller" and isinstance(v.config.body, Ball),
+            "the {v.config.body.shape} is compressed between two tips, not on a base",
+            when=lambda v: (
+                v.config.body.base == "roller" and isinstance(v.config.body, Ball | Ellipsoid)
+            ),
         ),
         Comparison(
-            "the body on its flat relative to one whose base is bonded, each on its own mesh",
+            "the body that rests on a flat relative to one whose base is bonded, each on its "
+            "own mesh",
             lambda v: v.meshed_variant(v.plain_scene),
             lambda v: v.meshed_variant(v.replace_plain_body(base="fixed")),
             when=lambda v: v.config.body.base == "unbonded",
@@ -641,7 +653,7 @@ EFFECTS: dict[str, Cases] = {
     "soft_tip": (
         Absent("the {v.tip_name} is rigid", when=lambda v: not hasattr(v.tip, "material")),
         Comparison(
-            "the soft tip relative to a rigid one, on one mesh{v.stand_in_text}",
+            "the soft tip relative to a rigid one, on the same mesh{v.stand_in_text}",
             lambda v: v.meshed_variant(v.linear_scene),
             lambda v: v.meshed_variant(v.with_rigid_tip(v.linear_scene)),
             when=lambda v: v.config.indenter.elastic_part,
@@ -654,7 +666,7 @@ EFFECTS: dict[str, Cases] = {
             ),
         ),
         Threshold(
-            "theory, with half a ball taken as a flat layer of thickness R{v.stand_in_text}",
+            "theory, in which half a ball is a flat layer of thickness R{v.stand_in_text}",
             "indenter.material.E",
             _soft_tip_ratio,
             initial=lambda v: 1e-3 / v.touched_material.E,
@@ -664,7 +676,7 @@ EFFECTS: dict[str, Cases] = {
     ),
     "plasticity": (
         Absent(
-            "only linear_elastic and hencky bodies may yield",
+            "only bodies with the law linear_elastic or hencky may yield",
             when=lambda v: not isinstance(v.scene.physics.material, YieldingLaw),
         ),
         Absent(
@@ -761,14 +773,14 @@ EFFECTS: dict[str, Cases] = {
             when=lambda v: v.scene.plan.friction,
         ),
         Comparison(
-            "friction {v.friction} relative to no friction, on one mesh{v.stand_in_text}",
+            "friction {v.friction} relative to no friction, on the same mesh{v.stand_in_text}",
             lambda v: v.contact_variant(friction=v.friction),
             lambda v: v.contact_variant(),
         ),
     ),
     "stick": (
         Comparison(
-            "no slip relative to no friction, on one mesh{v.stand_in_text}",
+            "no slip relative to no friction, on the same mesh{v.stand_in_text}",
             lambda v: v.contact_variant(friction="stick"),
             lambda v: v.contact_variant(),
             when=lambda v: v.friction,
@@ -777,8 +789,8 @@ EFFECTS: dict[str, Cases] = {
     ),
     "adhesion": (
         Comparison(
-            "the contact law with its attraction relative to one without, on one mesh"
-            "{v.stand_in_text}",
+            "the contact law with attraction relative to the same law without it, on the same "
+            "mesh{v.stand_in_text}",
             lambda v: v.contact_variant(adhesion=v.config.contact.adhesion),
             lambda v: v.contact_variant(),
             when=lambda v: v.friction_or_adhesion.get("adhesion"),
@@ -810,7 +822,7 @@ EFFECTS: dict[str, Cases] = {
     ),
     "rate": (
         Unknown(
-            "surface tension does not relax, so the force has no common factor",
+            "surface tension does not relax, so that the force does not relax like the modulus",
             when=lambda v: v.config.body.surface_tension,
         ),
         Unknown(
@@ -840,13 +852,14 @@ EFFECTS: dict[str, Cases] = {
             when=lambda v: v.compliance > 0 and v.config.loading.force_history,
         ),
         Comparison(
-            "error if the displacement of the base is taken for the depth{v.stand_in_text}",
+            "error if the displacement of the cantilever's base is used as the "
+            "depth{v.stand_in_text}",
             lambda v: v.history_variant("cantilever", "frame"),
             lambda v: v.history_variant(),
             when=lambda v: v.compliance > 0,
         ),
         Unknown(
-            "error if the displacement of the base is taken for the depth",
+            "error if the displacement of the cantilever's base is used as the depth",
             needs=_stiffness_needs,
         ),
     ),

@@ -1,9 +1,9 @@
 """Effects that a model may neglect, in per cent of the force, and the cases that evaluate them.
 
-An effect is 100 (F_with/F_without - 1). Both forces F are those at the depth of the deepest row.
-Both are solutions of scenes: by theory if it is exact for both, otherwise on the same mesh, whose
-discretisation error largely cancels. If the scene does not have the effect, the parameter
-of the effect is increased up to the threshold at which the effect exceeds the tolerance.
+An effect is 100 (F_with/F_without - 1). Both forces F are taken at the depth of the deepest row and
+solved by theory if theory is exact for both scenes, otherwise on the same mesh, whose
+discretisation error largely cancels. If the scene does not have the effect, the parameter of the
+effect is increased up to the threshold at which the effect exceeds the tolerance.
 
 A table of effects has one entry per effect, with its cases in the order of preference. A case
 states the scenes to which it applies, what is compared, and a description. `find_effect` evaluates
@@ -35,7 +35,7 @@ Text = str | FromVariants[str]
 
 @dataclass(frozen=True)
 class Effect:
-    """Relative change of the force by an effect.
+    """Relative change of the force due to an effect.
 
     Attributes
     ----------
@@ -105,7 +105,7 @@ class Absent(Case):
 
 @dataclass(frozen=True)
 class Unknown(Case):
-    """Case in which the force with or without the effect is unknown; `needs` as in `Effect`."""
+    """Case in which the force with or without the effect is unknown; see `Effect` for `needs`."""
 
     needs: Text = field(default="", kw_only=True)
 
@@ -138,7 +138,7 @@ class Range(Case):
 
 @dataclass(frozen=True)
 class Threshold(Case):
-    """Case in which the scene lacks the effect, and a parameter is varied up to a threshold.
+    """Case in which the scene lacks the effect; its parameter is varied to find a threshold.
 
     The effect is a function of a variable x > 0 and vanishes as x tends to 0.
 
@@ -218,14 +218,14 @@ def _evaluate(name: str, case: Case, source: str, v: Any) -> Effect:
 
 
 def _text(text: Text, v: Any) -> str:
-    """Return a text of the table with the values of the variants v inserted."""
+    """Return a text of the table of effects with values of the scene inserted."""
     return text.format(v=v) if isinstance(text, str) else text(v)
 
 
 def _threshold_effect(name: str, case: Threshold, source: str, v: Any) -> Effect:
     """Return an effect with the thresholds of its parameter.
 
-    Ranges beyond a threshold in which the effect is small again are stated, too.
+    Ranges beyond a threshold in which the effect is small again are also stated.
     """
     search = _ThresholdSearch(case, v)
     samples, stop_reason = search.sample_changes()
@@ -268,7 +268,7 @@ class _ThresholdSearch:
         self._tolerance = v.tolerance
 
     def sample_changes(self) -> tuple[list[Sample], str]:
-        """Return samples of the change, and a text on the scene that could not be solved, if any.
+        """Return samples of the change, and a text on a scene that could not be solved, or "".
 
         The first sample is below the tolerance. The last one exceeds 50 %, has the largest value of
         x, or precedes a scene that cannot be solved.
@@ -314,7 +314,7 @@ class _ThresholdSearch:
         return samples, stop_reason
 
     def crossings(self, samples: list[Sample]) -> list[float]:
-        """Return the values of x, ascending, at which the absolute change passes the tolerance."""
+        """Return the parameter values at which the absolute change passes the tolerance."""
         return sorted(
             self._bisect(level, low, high)
             for low, high in pairwise(samples)
@@ -323,9 +323,9 @@ class _ThresholdSearch:
         )
 
     def _bisect(self, level: float, low: Sample, high: Sample) -> float:
-        """Return the value of x at which the change passes a level between two samples.
+        """Return the parameter value at which the change passes a level between two samples.
 
-        The interval is bisected to 1 %, and the change is interpolated in it.
+        The interval is bisected to 1 %, and the change is interpolated in the last interval.
         """
         # Relative width of the interval of a threshold, in which the effect is interpolated
         # linearly.

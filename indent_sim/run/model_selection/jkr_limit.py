@@ -36,5 +36,5 @@ class JkrLimit:
         return jkr.equilibrium_at(radius).force / self._nonadhesive.force
 
     def work_of_force(self, fraction: float) -> float:
-        """Return the work of adhesion [force/length] `fraction` * force/contact radius."""
+        """Return the work of adhesion `fraction` * (force/contact radius) [force/length]."""
         return fraction * self._nonadhesive.force * self._work_unit / self._nonadhesive.a

@@ -102,8 +102,8 @@ def require(config: Config, within: float = 0.01) -> Requirements:
     ConfigError
         If the scene cannot be run, or the tip never touches the body.
     SolverMissing
-        If even the force of the scene needs a mesh, and the solver is not installed. Effects that
-        need it are unknown then.
+        If even the force of the scene needs a mesh, and the solver is not installed. If only some
+        effects need the solver, they are unknown and nothing is raised.
     """
     try:
         requirements = _requirements(config, within)
@@ -144,8 +144,8 @@ def _requirements(config: Config, within: float) -> Requirements:
 def _yielding_requirements(config: Config, scene: Scene, within: float) -> Requirements:
     """Return the requirements of a scene with a material that may yield.
 
-    If the elastic body has the same force within the tolerance, they are those of the elastic body;
-    otherwise no simpler model is compared.
+    If the elastic body has the same force within the tolerance, the requirements are those of the
+    elastic body; otherwise no simpler model is compared.
     """
     if scene.physics.is_time_dependent:
         raise ConfigError(
@@ -310,7 +310,7 @@ class _Model:
         return abs(self.percent) <= 100 * tolerance and max(changes, default=0.0) <= 100 * tolerance
 
     def apply(self, config: Config) -> Config | None:
-        """Return the scene with this model; None if it cannot be run."""
+        """Return the scene with this model; None if the scene cannot be run."""
         with suppress(ConfigError):
             for change in self.changes:
                 config = change(config)
@@ -439,7 +439,7 @@ def _recommendation_text(
 ) -> str:
     """Return sentences on the recommended model, its deviation, and effects that it neglects.
 
-    `config` is the scene of the model, `effects` are those on the original scene.
+    `config` is the scene of the model; `effects` are the effects on the original scene.
     """
     body = UNBOUNDED_NAMES.get(config.body.shape, "the body as it is")
     if model.body == "no inclusions":
@@ -457,7 +457,9 @@ def _recommendation_text(
     else:
         text += "nothing simpler is within the tolerance."
     if config.loading.slide and contact_extra:
-        text += " The side force of the slide needs the friction, whatever the force needs."
+        text += (
+            " The model of the side force needs friction, even if the model of the force does not."
+        )
     # The row "stick" tells the effect of any friction only if the scene has none.
     slip_effect = "friction" if effects["friction"].is_possible else "stick"
     # Effects that the scene can have, but none of the candidate models.

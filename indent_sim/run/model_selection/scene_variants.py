@@ -17,7 +17,7 @@ from indent_sim.model.imported_body import MeshFromFile
 from indent_sim.model.linear_elasticity import LinearElastic
 from indent_sim.model.loading import Loading
 from indent_sim.model.relaxation import Relaxation
-from indent_sim.model.spherical_bodies import Ball, Cap
+from indent_sim.model.spherical_bodies import CurvedBody
 from indent_sim.model.tips import Cone, Indenter, Plate, RegularPyramid, Sphere
 from indent_sim.model.unbounded_bodies import HalfSpace, InfiniteLayer
 from indent_sim.model.walled_bodies import Box, Strip
@@ -64,7 +64,7 @@ class SceneVariants:
     compliance
         Compliance of cantilever and frame [length/force].
     known_no_slip
-        Effect of no slip if theory knows it.
+        Effect of no slip if it is known from theory.
     has_cylinder_stand_in
         True if a box, or a cylinder under an off-axis tip, is replaced by a cylinder that ends at
         the nearest side.
@@ -90,7 +90,7 @@ class SceneVariants:
         self.delta = max(scene.physics.deltas) * scene.physics.scales.depth
         self.is_plane_strain = config.body.dim == 2
         self.is_half_space = isinstance(config.body, HalfSpace)
-        self.is_spherical = isinstance(config.body, Cap | Ball)
+        self.is_spherical = isinstance(config.body, CurvedBody)
         self.materials = [material.canonical() for _, material in config.materials()]
         self.is_isotropic = all(material.is_isotropic for material in self.materials)
         laws = (material.relaxation for _, material in config.materials())
@@ -128,7 +128,7 @@ class SceneVariants:
     def tip_radius(self) -> float | None:
         """Radius of a round tip or of a hyperboloid [length]; None for other tips.
 
-        It is the radius of the sphere through the apex and the section of the tip at the largest
+        The radius is that of the sphere through the apex and the section of the tip at the largest
         depth.
         """
         return self.tip.radius_scale(self.tip.radius_at(self.delta))
@@ -170,14 +170,14 @@ class SceneVariants:
 
     @cached_property
     def _stand_in_scene(self) -> Config:
-        """The single-step scene on the stand-in for its body."""
+        """The single-step scene on the stand-in for the body of the scene."""
         return self.replace_body(self.single_step_scene)
 
     def replace_body(self, scene: Config) -> Config:
         """Return a scene of this body on a stand-in that does not need a three-dimensional mesh.
 
-        A box is replaced by a cylinder up to its nearest side. Inclusions that are not axisymmetric
-        about the tip are removed.
+        A box is replaced by a cylinder that ends at its nearest side. Inclusions that are not
+        axisymmetric about the tip are removed.
         """
         body = scene.body
         is_axisymmetric = all(
@@ -203,7 +203,7 @@ class SceneVariants:
 
     @cached_property
     def linear_scene(self) -> Config:
-        """The single-step scene on its stand-in with linear elastic materials."""
+        """The single-step scene on the stand-in for its body, with linear elastic materials."""
         return variants.change_laws(self._stand_in_scene, variants.linear_law)
 
     @cached_property
@@ -213,7 +213,10 @@ class SceneVariants:
 
     @cached_property
     def hyperelastic_scene(self) -> Config:
-        """Single-step scene on the stand-in with finite-strain laws (given laws or neo-Hookean)."""
+        """Single-step scene on the stand-in for its body, with finite-strain laws.
+
+        The laws are those of the scene if they are for finite strain, otherwise neo-Hookean laws.
+        """
         return variants.change_laws(self._stand_in_scene, variants.hyperelastic_law)
 
     @cached_property
@@ -236,7 +239,7 @@ class SceneVariants:
         contacts = 1
         if body.dim == 2:
             return None
-        if isinstance(body, Cap | Ball):
+        if isinstance(body, CurvedBody):
             tip = relative_tip(tip, body.spherical_body)
             contacts = body.spherical_body.contacts_per_body
         elif not isinstance(body, MeshFromFile):
@@ -270,7 +273,7 @@ class SceneVariants:
         return replace_sections(config, indenter=rigid_tip)
 
     def planned_force(self, config: Config) -> float:
-        """Return the force of a scene at its largest depth by its theory, also if not exact.
+        """Return the force of a scene at its largest depth by theory, even if it is not exact.
 
         Raises ValueError without a theory.
         """
@@ -315,7 +318,7 @@ class SceneVariants:
         return scene.sizes.h_contact * scene.physics.scales.length
 
     def history_variant(self, *part_names: str) -> Config:
-        """Return the linear scene along its history, with some parts of its experiment.
+        """Return the linear scene along its history, with the named parts of its experiment only.
 
         A scene without a history is loaded at a constant rate to the largest depth.
 
@@ -340,7 +343,7 @@ class SceneVariants:
 
     @cached_property
     def theory_variant(self) -> Config | None:
-        """First of plain, layer and half-space scene that theory solves; None if there is none."""
+        """First scene of plain, layer and half-space scene that theory solves, or None."""
         for candidate in (self.plain_scene, self.layer_scene, self.half_space_scene):
             if candidate is not None and self.solver.theory_scene(candidate) is not None:
                 return candidate
@@ -348,7 +351,7 @@ class SceneVariants:
 
     @property
     def _theory_scene(self) -> Scene | None:
-        """The theory variant as a scene; None if there is none."""
+        """The theory variant as a scene; None if there is no theory variant."""
         return self.solver.theory_scene(self.theory_variant) if self.theory_variant else None
 
     @cached_property
@@ -401,7 +404,8 @@ class SceneVariants:
     def _history_ratio(self, with_effect: Config, without_effect: Config) -> float:
         """Return the ratio of the forces of two histories at the row of the largest force.
 
-        If forces are prescribed, it is relative to the elastic force at the depth of this row.
+        If forces are prescribed, the ratio is relative to the elastic force at the depth of this
+        row.
         """
         rows = self.solver.history(with_effect).rows
         top_row = max(rows, key=lambda row: row.force)
@@ -424,8 +428,8 @@ class SceneVariants:
     def _force_at_depth(self, delta: float) -> float:
         """Return the force of the linear scene at a depth [length].
 
-        It is scaled from the force at the largest depth with the load curve of the theory, or with
-        a power law through two forces if there is no theory.
+        The force is scaled from the force at the largest depth with the load curve of the theory,
+        or with a power law through two forces if there is no theory.
         """
         depth_ratio = delta / self.delta
         scene = self._theory_scene

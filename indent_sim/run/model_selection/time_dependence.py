@@ -1,10 +1,10 @@
 """Effects of drainage and of shear relaxation on the force, relative to the elastic limits.
 
-The scene is solved along its history. Its elastic limiting cases are solved at the depth of the
-row with the largest force. All solutions use the same mesh and no friction. The limits of the
-effect `drainage` are the drained and the undrained body, those of `rate` the unrelaxed and the
-relaxed body. An effect is 100 (F/F_first - 1), with the force F of the scene and F_first of the
-first limit.
+The scene is solved along its history. Its elastic limiting cases are solved at the depth of the row
+with the largest force. All solutions use the same mesh and no friction. The limits of the effect
+`drainage` are the drained and the undrained body; the limits of `rate` are the unrelaxed and the
+relaxed body. An effect is 100 (F/F_first - 1), with the force F of the scene and the force F_first
+in the first limit.
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ class TransientVariants(SceneVariants):
 
     @cached_property
     def time_effects(self) -> dict[str, Effect]:
-        """Return the effects "drainage" and "rate", if the body drains or relaxes in shear."""
+        """Return the effect "drainage" of permeable regions and "rate" of relaxing regions."""
         regions: dict[str, Sequence[object]] = {
             "drainage": self.physics.permeable_regions,
             "rate": self.physics.relaxing_regions,
@@ -99,7 +99,7 @@ class TransientVariants(SceneVariants):
 
     @property
     def nearest_limits(self) -> dict[str, Effect]:
-        """Return, for each effect, the limiting case whose force is nearest to that of the scene.
+        """Return, for each effect, the limiting case whose force is nearest to the scene's force.
 
         The keys are the names of these limiting cases. The values are the effects that an elastic
         model of the limiting case neglects.
@@ -137,7 +137,7 @@ class TransientVariants(SceneVariants):
 
     @property
     def drainage_range(self) -> tuple[float, float, float]:
-        """Return bounds and value of the change of the force relative to the drained body."""
+        """Return (low, high, value) of F/F_drained - 1, the change from the drained body."""
         return _range_of_limits(
             self._largest_force_row.force,
             self._limit_force("drained"),
@@ -146,7 +146,7 @@ class TransientVariants(SceneVariants):
 
     @property
     def swelling_range(self) -> tuple[float, float, float]:
-        """Return bounds and value of the change of the force relative to swelling equilibrium.
+        """Return (low, high, value) of F/F_swollen - 1, the change from swelling equilibrium.
 
         Both forces are at the same depth, in the bath of the row.
         """
@@ -158,7 +158,9 @@ class TransientVariants(SceneVariants):
 
     @property
     def relaxation_range(self) -> tuple[float, float, float]:
-        """Return (low, high, value) of F/F_unrelaxed - 1; the bounds are 0 and the relaxed body's.
+        """Return (low, high, value) of F/F_unrelaxed - 1, the change from the unrelaxed body.
+
+        The bounds are 0 and the change of the relaxed body.
 
         If the body also drains, all forces are those of the drained body.
         """
@@ -184,7 +186,7 @@ class TransientVariants(SceneVariants):
         """Return the scene on the stand-in for its body, up to the last increase of its load.
 
         Contact, solver and output have default settings. The mesh has default settings except for
-        the element size at the contact, which is that of the scene.
+        the element size at the contact, which is taken from the scene.
         """
         config = self.config
         transient = replace_sections(
@@ -209,7 +211,7 @@ class TransientVariants(SceneVariants):
         return replace_sections(transient, mesh=MeshSettings(h_contact=h_contact))
 
     def _rows(self, config: Config) -> list[State]:
-        """Return the rows of a variant; raise NotConverged if one of them does not converge."""
+        """Return the rows of a variant; raise NotConverged if a row does not converge."""
         rows = self.solver.rows(config)
         if not rows[-1].converged:
             raise NotConverged(rows[-1].reason)
@@ -281,7 +283,7 @@ class TransientVariants(SceneVariants):
         }
 
         def replace_law(law: Material) -> Material:
-            """Return the law in all given limits."""
+            """Return a law in each of the given limits, one after the other."""
             for limit in limits:
                 law = rounded_law(limit_laws[limit](law))
             return law
@@ -321,7 +323,7 @@ class TransientVariants(SceneVariants):
 
 
 def _range_of_limits(force: float, first: float, second: float) -> tuple[float, float, float]:
-    """Return bounds and value of the relative change of the force from the first limit."""
+    """Return (low, high, value) of the relative change of the force from the first limit."""
     low, high = sorted((0.0, second / first - 1))
     return low, high, force / first - 1
 
@@ -329,8 +331,8 @@ def _range_of_limits(force: float, first: float, second: float) -> tuple[float, 
 def limiting_case_changes(effect: Effect) -> dict[str, float | None]:
     """Return 100 (F/F_limit - 1) for both limits of an effect "drainage" or "rate".
 
-    The keys are the names of the limits. F is the force of the scene and F_limit that of the limit;
-    a value is None if it is unknown.
+    The keys are the names of the limits. F is the force of the scene, and F_limit the force in the
+    limit; unknown values are None.
     """
     # First and second elastic limiting case of each effect.
     limits = {"drainage": ("drained", "undrained"), "rate": ("unrelaxed", "relaxed")}

@@ -45,7 +45,7 @@ class VariantSolver:
     def force(self, config: Config) -> float:
         """Return the force of an elastic variant at its last row [force]."""
         if isinstance(config.body, MeshFromFile) and config.body.kinematics == "3d":
-            raise NotConverged("there is no axisymmetric stand-in for a three-dimensional mesh")
+            raise NotConverged("a three-dimensional mesh cannot be replaced by an axisymmetric one")
         last_row = self.rows(config)[-1]
         if not last_row.converged:
             raise NotConverged("the solution of this variant did not converge")
@@ -80,7 +80,7 @@ class VariantSolver:
         return self._compute_once(f"theory {config!r}", resolve_by_theory)
 
     def _solve_variant(self, kind: str, config: Config, solve: Callable[[Scene], T]) -> T:
-        """Return the cached result `solve(scene)` of a variant, such as its states or history."""
+        """Return `solve(scene)` for a variant, such as its states or history, from the cache."""
 
         def solve_scene() -> T:
             """Return the result of the resolved variant."""

@@ -61,7 +61,7 @@ def change_materials(config: Config, change: LawChange, **sections: Any) -> Conf
     """
 
     def change_item(item: Layer | Inclusion) -> Layer | Inclusion:
-        """Return a layer or an inclusion with a changed material, if it has its own material."""
+        """Return a layer or an inclusion; its own material, if it has one, is changed."""
         return replace(item, material=change(item.material)) if item.material else item
 
     item_lists = {name: getattr(config.body, name) for name in ("layers", "inclusions")}
@@ -109,9 +109,9 @@ def rounded_law(material: Material) -> Material:
 
 
 def change_laws(config: Config, change: LawChange, **sections: Any) -> Config:
-    """Return the config with the laws of body and soft tip changed, for a change of the strain.
+    """Return the config with the laws of body and soft tip changed, such as to finite strain.
 
-    Parameters as in `change_materials`.
+    The parameters are those of `change_materials`.
     """
     tip: Any = config.indenter
     if tip.elastic_part:
@@ -152,7 +152,10 @@ def incompressible_law(material: Material, nu_deficit: float = 0.0) -> Material:
 
 
 def _rounded_constants(law: Material) -> dict[str, Any]:
-    """Return E and nu rounded to twelve digits, without the rounding errors of their conversion."""
+    """Return Young's modulus and Poisson's ratio, rounded to twelve digits.
+
+    The rounding removes the rounding errors of their conversion.
+    """
     return {
         name: float(f"{value:.12g}") for name, value in zip(("E", "nu"), law.constants, strict=True)
     }
@@ -210,7 +213,8 @@ def layer_variant(config: Config) -> Config:
 def finite_strain_variant(config: Config) -> Config:
     """Return the scene with materials and gap of finite strain.
 
-    It has default solver settings, and no experiment, which needs an elastic load curve.
+    The variant has default solver settings, and no experiment, because an experiment needs an
+    elastic load curve.
     """
     return _reset_gap(
         change_laws(config, hyperelastic_law, solver=SolverSettings(), experiment=None)
@@ -231,7 +235,7 @@ def _reset_gap(config: Config) -> Config:
 
 
 def minimal_document(config: Config) -> Document:
-    """Return the scene as in its file, without sections that have only default values."""
+    """Return the document of the scene, without sections that have only default values."""
     defaults = {name: section.default for name, section in Config.model_fields.items()}
     return {
         name: section

@@ -46,7 +46,7 @@ def yield_effect(config: Config, scene: Scene, elastic: Config) -> Effect:
     config
         The scene file.
     scene
-        Its scene, in which a material may yield.
+        The scene of the config, in which a material may yield.
     elastic
         The scene without plasticity.
     """
@@ -72,8 +72,8 @@ def yield_effect(config: Config, scene: Scene, elastic: Config) -> Effect:
 def onset_yield_stress(v: SceneVariants) -> float:
     """Return the yield stress at which yield begins at the largest depth [pressure].
 
-    It follows from the largest contact pressure of the reference theory, as in a Hertzian contact.
-    NaN without a theory, and infinite or NaN under a sharp tip.
+    The yield stress follows from the largest contact pressure of the reference theory, as in a
+    Hertzian contact. The result is NaN without a theory, and infinite or NaN under a sharp tip.
     """
     scene = v.scene
     solution = scene.theory_solution(max(scene.physics.deltas))
@@ -86,8 +86,8 @@ def onset_yield_stress(v: SceneVariants) -> float:
 def significant_yield_stress(v: SceneVariants) -> float:
     """Return the yield stress at which yield changes the force by the tolerance [pressure].
 
-    Under a round tip it follows from the onset of yield, under a sharp one from the estimate of
-    `YieldingSolid`; NaN if it is not known.
+    Under a round tip the yield stress follows from the onset of yield, under a sharp tip from the
+    estimate of `YieldingSolid`. The result is NaN if it is not known.
     """
     onset = onset_yield_stress(v)
     if onset == onset:
@@ -104,7 +104,7 @@ def significant_yield_stress(v: SceneVariants) -> float:
     E, nu = physics.material.constants
 
     def force_ratio(yield_stress: float) -> float:
-        """Return the estimated force divided by that of the elastic body."""
+        """Return the estimated force divided by the force of the elastic body."""
         solid = YieldingSolid(E, nu, lambda alpha: yield_stress, lambda alpha: 0.0)
         rise = solid.contact_height(slope, is_round=False) / solid.contact_height(
             1e-12, is_round=False
@@ -132,8 +132,11 @@ def yield_needs(v: SceneVariants) -> str:
 
 
 def yield_source(v: SceneVariants) -> str:
-    """Return text on the estimate of that yield stress."""
+    """Return text on the estimate of the yield stress that changes the force by the tolerance."""
     onset = onset_yield_stress(v)
     if onset == onset:
         return f"Hertz and von Mises: yield begins on this path at a yield stress of {onset:.2g}"
-    return "estimate by Johnson's cavity; a sharp tip yields the body from the first contact on"
+    return (
+        "estimate by Johnson's model of an expanding cavity; under a sharp tip the body "
+        "yields from the first contact on"
+    )

@@ -1,4 +1,4 @@
-"""Elastic force curve of a scene at any depths, and the flat punches under its tip.
+"""Elastic force curve of a scene at any depths, and flat punches on its body.
 
 Depths, forces and lengths are in the user's units.
 """
@@ -98,8 +98,8 @@ def elastic_forces(prospect: PlannedRun, depths: np.ndarray) -> ElasticForces:
 def is_self_similar(config: Config) -> bool:
     """Return whether the force is a constant times the square of the depth.
 
-    So it is for a sharp pyramid on a homogeneous half-space, since this problem has no length but
-    the depth.
+    This is true for a sharp pyramid on a homogeneous half-space, because the depth is the only
+    length in this problem.
     """
     body = config.body
     is_homogeneous = (
@@ -114,8 +114,8 @@ def is_self_similar(config: Config) -> bool:
 def self_similar_force(prospect: PlannedRun, depth: float) -> ElasticForces:
     """Return the force of a self-similar scene at a depth, by the formula if there is one.
 
-    Otherwise it is one solution on the mesh, which is made for this depth. Raises NotConverged if
-    the depth is not reached.
+    Otherwise the force is solved on a mesh that is made for this depth. Raises NotConverged if the
+    depth is not reached.
     """
     scene = prospect.scene
     scales = scene.physics.scales
@@ -130,7 +130,7 @@ def self_similar_force(prospect: PlannedRun, depth: float) -> ElasticForces:
 
 
 def _solve_depths(scene: Scene, depths: np.ndarray) -> list[State]:
-    """Return states at depths, by the condensed body or along the load path of the scene."""
+    """Return the states at the given depths, from the condensed body or along the load path."""
     if scene.solver.method == "condensed":
         return condense(scene).states(deltas=list(map(float, depths)))
     return list(states(scene, with_surface=False))
@@ -160,7 +160,7 @@ def _relative_error(scene: Scene, states_found: list[State], depths: np.ndarray)
 def flat_punches(
     prospect: PlannedRun, deepest: float, min_ratio: float
 ) -> tuple[np.ndarray, np.ndarray, float]:
-    """Return flat punches under the tip, up to the contact radius with adhesion at a depth.
+    """Return flat punches on the body, up to the radius of the adhesive contact at a depth.
 
     Parameters
     ----------
@@ -183,7 +183,7 @@ def flat_punches(
     Raises
     ------
     SOLUTION_ERRORS
-        If the tip has no such punches.
+        If the contact of the tip does not follow from flat punches.
     """
     scene = prospect.scene
     scales = prospect.scene.physics.scales
@@ -220,7 +220,7 @@ def flat_punches(
 def half_space_modulus(prospect: PlannedRun, delta: np.ndarray, force: np.ndarray) -> float | None:
     """Return the modulus of a least-squares fit of the half-space formula to a curve.
 
-    It is Young's modulus, or None if there is no formula or no contact.
+    The result is Young's modulus; None if there is no formula or no contact.
 
     Parameters
     ----------

@@ -55,7 +55,7 @@ class SemiAnalyticSolver:
                 return
 
     def _solve_all(self, values: Sequence[float]) -> Sequence[Solution | None] | None:
-        """Return the contacts of all rows at once; None if theory does not reach one of them.
+        """Return the contacts of all rows; None if a row is beyond the range of the theory.
 
         All contacts together are hardly more expensive than a few of them.
         """
@@ -119,8 +119,8 @@ class SemiAnalyticSolver:
 def surface_radii(scene: Scene) -> np.ndarray:
     """Return the distances from the tip's axis at which the surface is written.
 
-    They extend to the end of the body or to ten radii of the largest contact, and
-    contain the end of that contact.
+    The distances extend to the end of the body or to ten radii of the largest contact, and include
+    the radius of this contact.
     """
     sizes = scene.sizes
     lateral_extent = scene.physics.body.lateral_extent(scene.physics.center)

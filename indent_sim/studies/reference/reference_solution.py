@@ -30,8 +30,9 @@ class ReferenceCurve:
     Attributes
     ----------
     is_interpolated
-        True if the compared run is force controlled. Its depths are results and differ slightly
-        from those of the reference, so that power laws interpolate between the points.
+        True if the compared run is force controlled. The depths of such a run are results and
+        differ slightly from those of the reference, so that power laws interpolate between the
+        points of the reference.
     is_measured
         True if the points are a measured curve, which is interpolated linearly.
     """
@@ -44,7 +45,7 @@ class ReferenceCurve:
     is_measured: bool = field(default=False, kw_only=True)
 
     def interpolate(self, delta: float) -> tuple[float, float, float]:
-        """Return (force, a, p_max) at a depth, interpolated by power laws if allowed, else NaN."""
+        """Return (force, a, p_max) at a depth, interpolated by power laws if allowed, or NaN."""
         columns = self.force, self.a, self.p_max
         if self.is_measured:
             return tuple(
@@ -63,7 +64,7 @@ class ReferenceCurve:
 
 
 def _interpolate_power_law(x: float, known_x: np.ndarray, values: np.ndarray) -> float:
-    """Return the value at x of the power law through the two nearest positive points, or NaN."""
+    """Return the value of the power law through the two nearest positive points; may be NaN."""
     nearest = [i for i in np.argsort(np.abs(known_x - x)) if known_x[i] > 0 and values[i] > 0]
     second_index = next(
         (
@@ -174,7 +175,7 @@ class ReferenceSolution:
     def choose_finest_cases(
         self, cases: Sequence[Case], results_by_id: Mapping[str, Results]
     ) -> None:
-        """Choose the finest run of every problem as its reference, if the study compares with it.
+        """Choose the finest run of every problem as its reference, if the study requests this.
 
         The finest run has the most unknowns, and among equal meshes the smallest penetration, which
         is an error of the penalty method.
@@ -216,7 +217,7 @@ class ReferenceSolution:
             )
 
     def reference_curve(self, case: Case) -> ReferenceCurve | None:
-        """Return the reference of a case; None if there is none."""
+        """Return the reference of a case; None if the case has no reference."""
         if isinstance(self._compare_to, float):
             return ReferenceCurve(
                 *(np.array([value]) for value in (case.last_depth, self._compare_to, nan, nan))
@@ -354,7 +355,7 @@ def _resolution_order(case: Case, results_by_id: Mapping[str, Results]) -> tuple
 
 
 def _last_penetration(results: Results) -> float:
-    """Return the penetration in the last row [length]; 0 if unknown."""
+    """Return the penetration in the last row [length]; 0 if it is unknown."""
     column = results.table.get("penetration", np.zeros(1))
     return float(np.nan_to_num(column[-1])) if len(column) else 0.0
 

@@ -1,7 +1,8 @@
 """Scoreboard: published, exact and computed values, and which of them are wrong.
 
-It has a row per case with a published value. The exact value comes from a second method: the theory
-of the same body for a finite-element run, the run of another case, or a number with its derivation.
+The scoreboard has one row per case with a published value. The exact value comes from a second
+method: the theory of the same body for a finite-element run, the run of another case, or a number
+with its derivation.
 """
 
 from __future__ import annotations
@@ -58,7 +59,7 @@ class VerifiedValue:
 
 
 def check_published_rows(named_cases: Sequence[NamedCase], cases: Sequence[Case]) -> None:
-    """Raise ConfigError if a published value belongs to a row that the scene does not have."""
+    """Raise ConfigError if a published value refers to a row that the scene does not have."""
     cases_by_name = {case.values.get(CASE_COLUMN): case for case in cases}
     for named_case in named_cases:
         case = cases_by_name.get(named_case.name)
@@ -93,9 +94,9 @@ def rows(
 ) -> list[Row]:
     """Return the scoreboard: one row per case with a published value, in the order of the file.
 
-    The columns `difference` and `ours_difference` are in per cent of the exact value; `wrong` tells
-    which of the two values is wrong: nobody, published, ours, both or unknown. Unknown cells are
-    None.
+    The columns `difference` and `ours_difference` are in per cent of the exact value; `wrong`
+    states which of the two values is wrong: nobody, published, ours, both or unknown. Unknown cells
+    are None.
     """
     case_results = {
         str(case.values.get(CASE_COLUMN)): (case, results_by_id.get(case.id)) for case in cases
@@ -205,7 +206,8 @@ def _exact_value(
 ) -> VerifiedValue | None:
     """Return the exact value of a case; None if it is unknown or its run failed.
 
-    It is the value given in the study, the result of another case, or the value by theory.
+    The exact value is a value given in the study, the result of another case, or the value by
+    theory.
     """
     published = named_case.published
     exact = named_case.exact
@@ -221,7 +223,7 @@ def _exact_value(
 def _computed_value(
     published: PublishedValue, case: Case | None, results: Results | None
 ) -> VerifiedValue | None:
-    """Return the computed value of a published quantity; None without such a row or number."""
+    """Return the computed value of a published quantity; None if there is no such row or value."""
     if case is None or results is None or results.report.get("status") != "done":
         return None
     if published.quantity == PULL_OFF:
@@ -297,7 +299,7 @@ def _pull_off_error(force: float, step: int | None, results: Results) -> float |
 def _theory_value(
     published: PublishedValue, case: Case | None, results: Results | None
 ) -> VerifiedValue | None:
-    """Return the value of an exact theory of the same body for a row of a mesh run, or None."""
+    """Return the value of an exact theory for a row of a mesh run on the same body; may be None."""
     if (
         case is None
         or results is None

@@ -18,6 +18,7 @@ CYLINDER = {"shape": "cylinder", "radius": 2.0, "height": 1.0}
 STRIP = {"shape": "strip", "width": 4.0, "height": 1.0}
 BOX = {"shape": "box", "size": [2.0, 2.0, 1.0]}
 CAP = {"shape": "cap", "base_radius": 2.0, "height": 1.0}
+EGG = {"shape": "ellipsoid", "radius": 1.0, "height": 1.0}
 BALL = {"shape": "ball", "radius": 1.0}
 HALF_SPACE = {"shape": "half_space"}
 LAYER = {"shape": "layer", "height": 1.0}
@@ -120,7 +121,15 @@ MALFORMED: list[tuple[dict[str, Any], str, str]] = [
         "body.height",
         "lengths of a body may differ by a factor of at most 100000",
     ),
-    (CAP | {"contact_angle": 53.0}, "body.contact_angle", "contradicts height"),
+    (CAP | {"contact_angle": 53.0}, "body.contact_angle", "cannot be combined with height"),
+    (
+        EGG | {"height": 0.1},
+        "body.height",
+        "an ellipsoid with a height of 0.05 times its width is not modelled",
+    ),
+    (EGG | {"height": 21.0}, "body.height", "10.5 times its width is not modelled"),
+    (EGG | layers(0.1, None), "body.layers", "'ellipsoid' has no parameter 'layers'"),
+    (EGG | {"surface_tension": 1.0}, "body.surface_tension", "has no parameter"),
     # skins
     (
         CAP | layers(0.1, 0.9),

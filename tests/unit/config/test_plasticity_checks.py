@@ -32,7 +32,7 @@ REFUSED: dict[str, tuple[dict[str, Any], str]] = {
         {"material": METAL | {"plasticity": {"n": 0.1}}},
         "material.plasticity.yield_stress",
     ),
-    "an instrument": ({"experiment": {"frame": {"compliance": 0.01}}}, "experiment"),
+    "frequencies": ({"experiment": {"frequencies": [1.0]}}, "experiment.frequencies"),
     "an accuracy of forces": (
         {"accuracy": 0.01, "loading": {"force": 1.0, "steps": 5}},
         "accuracy",

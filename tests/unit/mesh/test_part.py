@@ -128,6 +128,8 @@ def test_an_arc_is_no_further_than_its_ends() -> None:
     [
         ({"shape": "ball", "radius": 1.0}, 2 / 3 * pi),
         ({"shape": "ball", "radius": 1.0, "base": "fixed"}, 4 / 3 * pi),
+        ({"shape": "ellipsoid", "radius": 1.0, "height": 0.5}, pi / 6),
+        ({"shape": "ellipsoid", "radius": 1.0, "height": 6.0, "base": "unbonded"}, 4 * pi),
         ({"shape": "cap", "base_radius": 2.0, "height": 1.0}, pi / 6 * 13),
         ({"shape": "cap", "base_radius": 1.0, "height": 1.5}, pi / 4 * 5.25),
     ],
@@ -138,9 +140,9 @@ def test_the_section_of_a_round_body_encloses_its_volume(body: dict, volume: flo
     Arcs are replaced by 2000 chords, which leaves an error below 1e-6.
     """
     part = scene(body, mesh={"h_contact": 0.2}).physics.domain
-    scale = {"ball": 2.0 if body.get("base") else 1.0, "cap": body.get("height", 0.0)}[
-        body["shape"]
-    ]
+    height = body.get("height", 2.0)
+    is_halved = body["shape"] != "cap" and "base" not in body
+    scale = height / 2 if is_halved else height
     total = 0.0
     for side in part.outline:
         share = np.linspace(0, 1, 2001)
@@ -149,9 +151,17 @@ def test_the_section_of_a_round_body_encloses_its_volume(body: dict, volume: flo
         else:
             begin = np.arctan2(side.start[1] - side.center[1], side.start[0] - side.center[0])
             r = side.center[0] + side.radius * np.cos(begin + side.arc_angle * share)
-            z = side.center[1] + side.radius * np.sin(begin + side.arc_angle * share)
+            z = side.center[1] + side.stretch * side.radius * np.sin(begin + side.arc_angle * share)
         total += float(np.sum((r[1:] ** 2 + r[1:] * r[:-1] + r[:-1] ** 2) / 3 * np.diff(z)) * pi)
     assert total * scale**3 == pytest.approx(volume, rel=1e-6)
+
+
+def test_an_elliptic_top_has_the_curvature_of_its_apex() -> None:
+    """The apex of an ellipsoid has the radius of curvature radius^2/(height/2)."""
+    part = scene({"shape": "ellipsoid", "radius": 2.0, "height": 1.0}).physics.domain
+    assert part.top_radius == pytest.approx(2.0**2 / 0.5 / 0.5)
+    assert part.smallest_semi_axis == pytest.approx(1.0)
+    assert part.area == pytest.approx(pi * 4.0 * 1.0 / 4)
 
 
 def test_the_halves_of_a_ball_are_two_surfaces() -> None:

@@ -7,7 +7,7 @@ import pytest
 from indentation_loops import FUSED_SILICA, STEEL, Loop, loop
 
 from indent_sim.process.errors import UsageError
-from indent_sim.results.measured.indentation_cycle import indentation_cycle, noise_of
+from indent_sim.results.measured.indentation_cycle import creep_rate, indentation_cycle, noise_of
 
 
 def noisy(exact: Loop, scale: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
@@ -36,6 +36,45 @@ def test_creep_is_that_of_the_hold() -> None:
     cycle = indentation_cycle(*noisy(loop(FUSED_SILICA, creep=0.03), 0.0))
     assert cycle.creep == pytest.approx(0.03, rel=0.02)
     assert indentation_cycle(*noisy(loop(FUSED_SILICA, hold_rows=0), 0.0)).creep is None
+
+
+def test_a_hold_of_few_samples_is_found() -> None:
+    """Instruments that sample the ramps by depth write some ten samples of a hold of 10 s.
+
+    Those here have 14 of 1200, and a thousandth of the largest force is a fifth of a step of the
+    ramps. Ramps without a hold have no more samples near the peak than beside it.
+    """
+    exact = loop(FUSED_SILICA, rows=600, hold_rows=14, creep=0.01)
+    cycle = indentation_cycle(exact.h, exact.F)
+    assert cycle.hold_start is not None and cycle.start == 613
+    assert cycle.h_max == pytest.approx(exact.h_max, rel=1e-9)
+    assert cycle.creep == pytest.approx(0.01, rel=0.02)
+    assert indentation_cycle(*noisy(loop(FUSED_SILICA, rows=600, hold_rows=0), 0)).creep is None
+
+
+@pytest.mark.parametrize("rows", [100, 400, 2000])
+def test_a_rounded_peak_is_no_hold(rows: int) -> None:
+    """The force follows half a period of a sine; its peak is flat in a few per cent of the rows."""
+    phase = np.linspace(0.0, np.pi, rows)
+    force = np.sin(phase)
+    depth = np.where(phase < np.pi / 2, force**0.5, 0.6 + 0.4 * force**0.7)
+    assert indentation_cycle(depth, force).hold_start is None
+
+
+def test_the_rate_of_creep() -> None:
+    """The depth grows with the root of the time: 3 (1 - (2/3)^(1/2)) of the mean rate at the end.
+
+    Unloading by 10 mN takes 10 s here.
+    """
+    exact = loop(FUSED_SILICA, creep=0.03, hold_rows=300)
+    cycle = indentation_cycle(exact.h, exact.F)
+    found = creep_rate(cycle, exact.t, cycle.upper_part(0.4, 0.98))
+    mean_rate = (exact.h_max - exact.hold_start) / 15.0
+    assert found is not None
+    assert found.value == pytest.approx(3 * (1 - (2 / 3) ** 0.5) * mean_rate, rel=0.01)
+    assert found.relative_stiffness == pytest.approx(found.value / 1.0, rel=1e-3)
+    ramps = loop(FUSED_SILICA, hold_rows=0)
+    assert creep_rate(indentation_cycle(ramps.h, ramps.F), ramps.t, slice(200, 300)) is None
 
 
 def test_the_noise_is_found() -> None:
@@ -127,8 +166,21 @@ def test_a_small_relaxation_is_accepted() -> None:
     indentation_cycle(*relaxing(loop(FUSED_SILICA), 0.01))
 
 
+def test_a_peak_before_the_deepest_row_is_no_relaxation() -> None:
+    """Noise of 0.5 % makes an earlier row the largest; a metal recovers by 2 % of the depth."""
+    h = np.concatenate([np.linspace(0.0, 1.0, 300), 1.0 - 0.02 * np.linspace(0.0, 1.0, 200)])
+    F = np.concatenate([h[:300] ** 2, np.linspace(1.0, 0.0, 200) ** 1.3])
+    F[296] = 1.001
+    noise = 2e-3 * np.random.default_rng(0).standard_normal(len(F))
+    noise[296] = 0.0
+    cycle = indentation_cycle(h, np.minimum(F + noise, 1.001))
+    assert cycle.start == 296 and cycle.end == 500
+
+
 def test_unloading_must_reach_the_fitted_part() -> None:
     cycle = indentation_cycle(*noisy(loop(FUSED_SILICA, last=0.6), 0.0))
     assert len(cycle.h[cycle.upper_part(0.7, 0.98)]) > 50
-    with pytest.raises(UsageError, match="ends at 60% of the largest force, above the 40%"):
+    with pytest.raises(
+        UsageError, match="ends at 60% of the largest force, but it is to be fitted down to 40%"
+    ):
         cycle.upper_part(0.4, 0.98)

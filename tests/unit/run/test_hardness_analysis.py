@@ -126,6 +126,24 @@ def test_frame_and_drift_are_subtracted(tmp_path: Path) -> None:
     assert of_scene.assumptions["nu"] == "0.17, of the scene"
 
 
+def test_creep_that_goes_on_in_unloading(tmp_path: Path) -> None:
+    """Its rate makes unloading steeper, by as much as the warning says.
+
+    The depth grows at the constant rate of the end of the hold in a loop that is made without
+    creep. 0.3 nm/s at 1 mN/s and S = 0.09 mN/nm are some 2 to 3 %.
+    """
+    exact = loop(FUSED_SILICA, hold_rows=100, creep=1e-9)
+    moved = replace(exact, h=exact.h + 0.3 * np.maximum(exact.t - exact.t[200], 0.0))
+    slow = analysed(tmp_path, moved, nu=0.17)
+    assert value(slow, "dh_dt") == pytest.approx(0.3, rel=5e-3)
+    assert slow.units["dh_dt"] == "nm/s"
+    (warning,) = [text for text in slow.warnings if "hold longer" in text]
+    said = float(warning.split("S is ")[1].split(" %")[0])
+    assert said == pytest.approx(100 * (value(slow, "S") / exact.S - 1), abs=0.2)
+    assert said > 1.0
+    assert "hold longer" not in " ".join(analysed(tmp_path, exact, nu=0.17).warnings)
+
+
 def test_a_wrong_poisson_ratio_is_named(tmp_path: Path) -> None:
     """Behind a diamond tip E_IT follows 1 - nu^2 exactly."""
     exact = loop(FUSED_SILICA)

@@ -38,7 +38,7 @@ def written(folder: Path, loops: dict[str, Loop]) -> list[Path]:
 
 def with_worn_tip(sample: Sample, F_max: float) -> Loop:
     """Return a loop at the contact depth of the worn tip, with the stiffness of the area."""
-    sharp = loop(sample, F_max=F_max)
+    sharp = loop(sample, F_max=F_max, creep=1e-3)
     shift = sqrt(BLUNTING**2 + F_max / (sample.H * GPA) / 24.494) - BLUNTING - sharp.h_c
     top = int(np.argmax(sharp.F))
     loading = sharp.h[:top] * (1 + shift / sharp.h_max)

@@ -12,6 +12,7 @@ from numpy.polynomial import chebyshev
 from scipy.optimize import linprog
 from surrogate_tables import RANGES, SCENE, hertz, study_with_table
 
+from indent_sim import studies
 from indent_sim.config.key_dimensions import key_numbers
 from indent_sim.process.errors import UsageError, VerificationError
 from indent_sim.studies.chebyshev_sum import ChebyshevSum, design_matrix, index_tuples
@@ -251,6 +252,17 @@ class TestSurrogate:
             path.write_text(text)
             with pytest.raises(UsageError, match="not a readable surrogate"):
                 read_surrogate(path)
+
+    def test_a_table_of_another_study_is_refused(self, tmp_path):
+        """A changed scene or range would give a surrogate of another scene, or too wide a range."""
+        study_with_table(tmp_path, hertz)
+        stiffer = SCENE | {"body": {"shape": "layer", "height": 50.0}}
+        wider = RANGES | {"loading.delta": {"from": 0.01, "to": 0.1}}
+        for change in ({"base": stiffer}, {"vary": wider}, {"sample": {"count": 400, "seed": 1}}):
+            settings = {"base": SCENE, "vary": RANGES, "sample": {"count": 400}}
+            other = studies.read(settings | {"output": {"runs": "none"}} | change)
+            with pytest.raises(UsageError, match="is not the table of this study"):
+                fit_surrogate(other, tmp_path, "force")
 
     def test_too_few_runs(self, tmp_path):
         with pytest.raises(UsageError, match="a surrogate needs 40"):

@@ -6,6 +6,7 @@ from math import pi, sqrt, tan
 
 import numpy as np
 import pytest
+from scipy.optimize import curve_fit
 
 from indent_sim.theory.half_space import cone_force, flat_punch_force, paraboloid_force
 from indent_sim.theory.oliver_pharr import (
@@ -114,6 +115,33 @@ def test_the_intervals_of_the_fit_hold(F_noise: float, h_noise: float, correlati
     assert np.mean(inside, axis=0).min() > (0.75 if correlation else 0.87)
     # Four standard deviations of the mean of 80 draws.
     assert abs(np.mean(ratios) - 1) < 4 * np.std(ratios) / sqrt(80)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_noise_of_a_tenth_of_the_recovery(seed: int) -> None:
+    """The stiffness of a steep curve with a noisy depth is that of the depth over the force.
+
+    A metal that recovers by 10 nm was measured with a noise of 1 nm and of 0.2 % of the force: the
+    least squares of the depths at given forces have no bias then. Least squares of the forces give
+    half of the stiffness, and with the tangent as slope of the weights the fit has no end.
+    """
+    draw = np.random.default_rng(seed)
+    force = np.linspace(0.98, 0.4, 700)
+    exact = 100.0 + 10.0 * force ** (1 / 1.3)
+    h = exact + draw.standard_normal(len(force))
+    F = force + 2e-3 * draw.standard_normal(len(force))
+    fit = fit_unloading(h, F, 110.0, 2e-3, 1.0)
+
+    def depth(F: np.ndarray, h_f: float, recovery: float, m: float) -> np.ndarray:
+        return h_f + recovery * F ** (1 / m)
+
+    (h_f, recovery, m), _ = curve_fit(
+        depth, F, h, p0=(100.0, 10.0, 1.3), bounds=(0.1, [150, 200, 19])
+    )
+    F_top = ((110.0 - h_f) / recovery) ** m
+    assert fit.stiffness == pytest.approx(m * F_top / (110.0 - h_f), rel=5e-3)
+    error = fit.coverage_factor * fit.covariance[1, 1] ** 0.5
+    assert abs(fit.stiffness - 0.13) < 1.5 * error
 
 
 def test_what_cannot_be_fitted_is_refused() -> None:

@@ -95,11 +95,11 @@ class NodalContact(Term):
         ]
 
     def _lateral_facet_values(self, gap: Gap) -> FacetValues | None:
-        """Return values of gap, lever and slopes of a tilted or sliding tip; None for others.
+        """Return gap, lever arm and slopes at facets for a tilted or sliding tip; None for others.
 
-        The slopes are those of the gap with the position of the tip along the horizontal axes.
-        The gap is among the values because a kernel needs the constants that the derivatives lack:
-        dolfinx numbers those of an expression before it is differentiated, and the kernel after.
+        The slopes are the derivatives of the gap with respect to the tip's position along the
+        horizontal axes. The gap is included because dolfinx numbers the constants of an expression
+        before differentiation, and the kernel after it: the derivatives alone may lack constants.
         """
         physics = self.body.scene.physics
         if not physics.has_moment:
@@ -127,7 +127,10 @@ class NodalContact(Term):
         return pressure_shape_functions(points)[:, : self.lam_dofs.shape[1]]
 
     def _evaluate_gap(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Gap g (facets, points), dg/dx (*, dim) and d2g/dx2 (*, dim, dim) of the current state."""
+        """Return the gap and its first and second derivatives with respect to position.
+
+        Their shapes are (facets, points), (*, dim) and (*, dim, dim).
+        """
         dim = self.body.body_mesh.dim
         values = self._gap_values()
         return (
@@ -242,7 +245,8 @@ class NodalContact(Term):
     def side_force(self, axis: int) -> float:
         """Horizontal force of the pressures on the tip along an axis [force], this rank's part.
 
-        If the tip slides it is -dPi/dx, which includes the slope of the tip with a reference gap.
+        If the tip slides it is -dPi/dx, which with a reference gap includes the force of the
+        pressure on the slope of the tip.
         """
         if self._lateral_values is None:
             return 0.0

@@ -199,7 +199,7 @@ class Friction(Term):
         return [ufl.dot(m, displacement) for m in self._tangents]
 
     def _traction_slip(self, tau: list[Expr]) -> list[Expr]:
-        """Components of (tau - t)/epsilon_t [length]."""
+        """Components of the elastic part of the slip, (tau - t)/epsilon_t [length]."""
         return [(tau_k - t) / self._epsilon_t for tau_k, t in zip(tau, self._traction, strict=True)]
 
     def _traction_component(self, axis: int) -> Expr:
@@ -247,9 +247,9 @@ class Friction(Term):
         return 0.0 if self._law.is_bonded else float(fem.assemble_scalar(self._dissipation))
 
     def stick_margin_at(self, points: np.ndarray) -> np.ndarray:
-        """Stick margin friction p - |t_hat| (facets, points) [pressure], >= 0 where points stick.
+        """Stick margin (facets, points): slip limit minus trial traction [pressure].
 
-        The first call for a set of points is collective.
+        It is >= 0 where points stick. The first call for a set of points is collective.
         """
         return self._facet_values("stick_margin", self._coulomb_point.stick_margin, points)()[
             ..., 0
@@ -289,7 +289,7 @@ class Friction(Term):
     def side_force(self, axis: int) -> float:
         """Horizontal force on the tip [force], this rank's part.
 
-        It is that of pressure and friction; if the tip slides, of friction alone, since then
-        `Traction` has the force of the pressure.
+        It is the force of pressure and friction. If the tip slides, it is the force of friction
+        alone, because `Traction` then evaluates that of the pressure.
         """
         return float(fem.assemble_scalar(self._side_force_forms[axis]))

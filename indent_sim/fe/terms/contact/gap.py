@@ -56,7 +56,8 @@ class Gap:
     def slide_derivative(self, axis: int) -> Expr:
         """Derivative of the gap with respect to the tip's position along a horizontal axis.
 
-        It is minus the slope of the tip along this axis; the path must slide.
+        It is minus the slope of the tip along this axis; it is used only if the load path contains
+        a slide.
         """
         return ufl.diff(self.g, self._center[axis])
 

@@ -22,7 +22,7 @@ class MeridianPoints:
     segments : ndarray of int, (n,)
         Segment of each point.
     is_inside : ndarray of bool, (n,)
-        Whether the meridian extends to the radius; the other points are at its end.
+        Whether the meridian extends to the radius; if not, the point is at the end of the meridian.
     N, slopes : ndarray, (n, 3)
         Shape functions of the nodes of the segment and their derivatives along it.
     tangent, curvature : ndarray, (n, 2)
@@ -91,9 +91,9 @@ class Meridian:
     ) -> MeridianPoints:
         """Return the points of the meridian at given radii.
 
-        The slope of the meridian jumps from segment to segment. A point whose segment is given
-        keeps it until it is OVERLAP beyond its end: the equations of a contact are then smooth, and
-        have a solution where a point lies opposite to a jump.
+        The slope of the meridian jumps from segment to segment. A point keeps its present segment
+        until it lies farther than OVERLAP beyond the end of the segment: the equations of a contact
+        then remain smooth, and have a solution where a point lies opposite to a jump.
 
         Parameters
         ----------
@@ -102,7 +102,7 @@ class Meridian:
         r : ndarray, (n,)
             Radii [length].
         kept_segments : ndarray of int, (n,), optional
-            Segments of the points so far.
+            Present segments of the points.
         """
         begins = np.maximum.accumulate(positions[:, 0, 0])
         e = np.clip(np.searchsorted(begins, r, side="right") - 1, 0, len(begins) - 1)

@@ -24,7 +24,8 @@ def multiplier_field(scene: Scene, order: int) -> Field:
 def stiffness_scale(scene: Scene) -> float:
     """Stiffness [pressure/length] that converts gaps into pressures, for the scaling of equations.
 
-    It is the penalty stiffness of the contact law, or E*/h_contact for a law without penalty.
+    This stiffness is the penalty stiffness of the contact law, or E*/h_contact for a law without
+    penalty.
     """
     return float(
         getattr(
@@ -38,7 +39,8 @@ def stiffness_scale(scene: Scene) -> float:
 class SurfaceMultiplier:
     """Lagrange multiplier on the contact surface.
 
-    It is an unknown of the body, or a separate function of the same order as the displacement.
+    The multiplier is an unknown of the body, or a separate function of the same order as the
+    displacement.
 
     Attributes
     ----------

@@ -70,8 +70,8 @@ class PressureProjection:
         Returns
         -------
         float
-            Relative difference of the multiplier and its projection before the update; NaN if
-            either is not finite.
+            Relative difference of the multiplier and its projection before the update; NaN if one
+            of the two is not finite.
         """
         with self._b.localForm() as local:
             local.set(0.0)

@@ -5,10 +5,11 @@ deformed meridian z_2(r), whose frame moves down by the depth,
 
     g = z_2(r) - delta - z,   dg = N_2 du_2z - s N_2 du_2r + s du_r - du_z,   s = dz_2/dr.
 
-Its variation contains the displacement of the tip where the point is opposite to it, which no UFL
-form can express. With the multiplier lam, an unknown field on the surface, the potential is that of
-the augmented Lagrangian method: int (<lam - epsilon g>^2 - lam^2)/(2 epsilon) dGamma. The pressure
-<lam - epsilon g> is the vertical traction on the undeformed surface of the body, and
+The variation of the gap contains the displacement of the tip at the place opposite to the point,
+which no UFL form can express. With the multiplier lam, an unknown field on the surface, the
+potential is that of the augmented Lagrangian method: int (<lam - epsilon g>^2 - lam^2)/(2 epsilon)
+dGamma. The pressure <lam - epsilon g> is the vertical traction on the undeformed surface of the
+body, and
 
     d(dg) = dx W + W dx + (z_2'' - s r_2'') dx dx,
     dx = (du_r - N_2 du_2r)/r_2',   W = N_2' (du_2z - s du_2r)
@@ -53,7 +54,7 @@ class PointContact:
     Attributes
     ----------
     opposite : MeridianPoints
-        The points of the tip above.
+        The points of the tip opposite to the quadrature points.
     gap : ndarray
         Gap g [length]; infinite beyond the end of the tip.
     lam : ndarray
@@ -111,15 +112,18 @@ class SoftTipContact(Term):
         """Return None, because `add_residual` assembles the residual without a UFL form."""
 
     def begin_solve(self) -> None:
-        """Forget to which segments of the tip the points belonged in the previous solve."""
+        """Discard the segments of the tip at which the points were in the previous solve."""
         self._kept_segments: np.ndarray | None = None
 
     def limit_curvature(self, *, is_limited: bool) -> None:
-        """Limit the pressure times the second variation of the gap, see `Traction.tangent`."""
+        """Switch the limit of the pressure in the second variation of the gap on or off.
+
+        See `Traction.tangent`.
+        """
         self._curvature_is_limited = is_limited
 
     def scale_stiffness(self, factor: float) -> None:
-        """Set the stiffness of the augmented Lagrangian to `factor` times that of the law."""
+        """Set the augmented Lagrangian's stiffness to `factor` times its value in the law."""
         self._stiffness = factor * self._law_stiffness
 
     def _evaluate(self) -> PointContact:
@@ -169,7 +173,7 @@ class SoftTipContact(Term):
         return np.hstack([self._u_dofs[self._facets], self._tip_dofs[contact.opposite.segments]])
 
     def add_residual(self, b: PETSc.Vec) -> None:
-        """Add -int p dg to the rows of the displacements and int (p - lam)/epsilon of lam."""
+        """Add -int p dg to the displacement rows and int (p - lam)/epsilon to the rows of lam."""
         contact = self._evaluate()
         touches = contact.pressure > 0
         traction = (self._areas * contact.pressure)[touches, None]
@@ -252,7 +256,7 @@ class SoftTipContact(Term):
         return float(self.meridian.positions(self.body.local_array())[-1, 1, 0])
 
     def impossibility(self) -> str:
-        """Return why the contact is not admissible; "" if it is."""
+        """Return the reason why the contact is not admissible; "" if it is admissible."""
         contact = self._evaluate()
         touches = contact.pressure > 0
         segments = contact.opposite.segments[touches]

@@ -88,7 +88,7 @@ class Traction(Term):
     def _multiplier_expression(self, strain_energy: StrainEnergy) -> Expr:
         """Return the UFL expression that the contact method uses as multiplier in the potential.
 
-        This is an unknown, a frozen function, the normal stress of the body, or zero.
+        The multiplier is an unknown, a frozen function, the normal stress of the body, or zero.
         """
         match self.law.multiplier:
             case "unknown" | "frozen":
@@ -124,7 +124,7 @@ class Traction(Term):
         The pressure <lam - epsilon_n g> times the tip's curvature is a negative tangential
         stiffness. In an iterate with a large penetration it exceeds the stiffness of the body, and
         Newton's step inverts elements. `limit_curvature` replaces the pressure in this term by the
-        multiplier where that is smaller; the two are equal in equilibrium.
+        multiplier where the multiplier is smaller; the two are equal in equilibrium.
         """
         tangent = super().tangent(now, before, dt)
         if not self._solves_for_multiplier or self.body.scene.physics.gap == "reference":
@@ -137,7 +137,7 @@ class Traction(Term):
         )
 
     def limit_curvature(self, *, is_limited: bool) -> None:
-        """Limit the pressure times the tip's curvature in the tangent, see `tangent`."""
+        """Switch the limit of the pressure in the tangent's curvature term; see `tangent`."""
         self._curvature_is_limited.value = float(is_limited)
 
     def force(self) -> float:
@@ -147,7 +147,7 @@ class Traction(Term):
     def side_force(self, axis: int) -> float:
         """Horizontal force on the tip along an axis, due to the pressure [force], this rank's part.
 
-        If the tip slides it is -dPi/dx. It is 0 if `Friction` includes it.
+        If the tip slides, the force is -dPi/dx. The result is 0 if `Friction` includes this force.
         """
         if not self._side_force_forms:
             return super().side_force(axis)
@@ -169,7 +169,7 @@ class Traction(Term):
         return float(self.symbolic_law.stiffness.value)  # type: ignore[union-attr]
 
     def scale_stiffness(self, factor: float) -> None:
-        """Set the penalty stiffness to `factor` times that of the contact law."""
+        """Set the penalty stiffness to `factor` times its value in the contact law."""
         self.symbolic_law.stiffness.value = factor * self.law.stiffness  # type: ignore[union-attr]
 
     def multiplier_at(self, points: np.ndarray) -> np.ndarray:
