@@ -1,4 +1,4 @@
-"""Problem setup: a scene before any choice, with model domain, theory and expected depths."""
+"""Problem setup: a scene with model domain and theory, before mesh and solver are chosen."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ ATTRACTION_CUTOFF = 7.0
 
 @dataclass(frozen=True)
 class ProblemSetup:
-    """Nondimensional problem before any choice, with the predictions of theory.
+    """Nondimensional problem before mesh and solver are chosen, with the predictions of theory.
 
     Attributes
     ----------
@@ -226,7 +226,7 @@ def set_up_problem(config: Config, imported_mesh: ImportedMesh | None = None) ->
     Returns
     -------
     ProblemSetup
-        The problem before any choice.
+        The problem before mesh and solver are chosen.
 
     Raises
     ------

@@ -307,10 +307,10 @@ def _recovery_estimate(config: Config) -> float:
 
 
 def _without_step_error(k: np.ndarray, values: np.ndarray) -> tuple[float, float]:
-    """Return the limit of values (m,) at rows k (m,) for short increments, and its relative error.
+    """Extrapolate values (m,) after k (m,) load increments to infinitely many increments.
 
-    A line in 1/k is fitted to the values; the error is the standard deviation of the line at 1/k =
-    0.
+    Return the limit and its relative error. A line in 1/k is fitted; the error is the standard
+    deviation of its value at 1/k = 0.
     """
     coefficients, covariance = np.polyfit(1.0 / k, values, 1, cov=True)
     limit = float(coefficients[1])

@@ -276,7 +276,7 @@ def _has_tilt_estimate(v: SceneVariants) -> bool:
 
 
 def _largest_estimated_tilt(v: SceneVariants) -> float:
-    """Return the largest tilt of the search [degrees]."""
+    """Return the largest tilt of the tip in the search for the threshold [degrees]."""
     # At the limit the tip lies on its flank and the force is infinite.
     return 0.9 * min(largest_tilt(v.tip), 50.0)
 
