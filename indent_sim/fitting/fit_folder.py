@@ -28,7 +28,7 @@ from indent_sim.fitting.curve_fit import (
     rejected_fit,
     request_identity,
 )
-from indent_sim.fitting.forward_model.cone_loop import HARDENING_KEY
+from indent_sim.fitting.forward_model.cone_loop import HARDENING_KEY, refuse_other_scenes
 from indent_sim.fitting.forward_model.forward_model_cache import ForwardModelCache
 from indent_sim.fitting.forward_model.parameters import number_at
 from indent_sim.fitting.inference.model_assessment import Interval
@@ -231,9 +231,10 @@ def fit_files(folder: Path) -> tuple[str, ...]:
 def tell_cost(request: FitRequest, tell: ReportLine) -> None:
     """Report that the forces of the scene come from finite elements, and how long a run takes.
 
-    Raises ConfigError if the scene is not valid.
+    Raises ConfigError if the scene is not valid, or has no such forces.
     """
     if request.config.yields:
+        refuse_other_scenes(request.config, tuple(request.varied_keys))
         return tell(loop_cost(request.varied_keys, 1 + len(request.other_tips)))
     planned_run = PlannedRun.resolve(request.config)
     if not planned_run.scene.is_meshed:

@@ -317,7 +317,7 @@ def analyse(path: Path, options: HardnessOptions) -> Hardness:
         assumptions,
         tuple(warnings),
         truth,
-        _formula_error(truth),
+        _formula_error(truth, is_layered=curve.scene is not None and len(curve.scene.layers) > 1),
     )
 
 
@@ -895,15 +895,21 @@ def _truth(
     }
 
 
-def _formula_error(truth: Mapping[str, Mapping[str, float]]) -> str:
-    """Return a sentence on the errors of the formulas for area, hardness and modulus, or ""."""
-    quantities = {"A_p": "the contact area", "H_IT": "the hardness", "E_IT": "the modulus"}
+def _formula_error(truth: Mapping[str, Mapping[str, float]], *, is_layered: bool) -> str:
+    """Return a sentence on the errors of the formulas for area, hardness and modulus, or "".
+
+    In a layered body the modulus is that of the first layer, and its error includes the effect of
+    the other layers.
+    """
+    modulus = "the modulus of the first layer" if is_layered else "the modulus"
+    quantities = {"A_p": "the contact area", "H_IT": "the hardness", "E_IT": modulus}
     errors = [
         f"{words} {abs(percent):.1f} % too {'large' if percent > 0 else 'small'}"
         for name, words in quantities.items()
         if name in truth and abs(percent := 100 * (truth[name]["ratio"] - 1)) >= 0.05
     ]
-    return f"for this material the formulas give {join_words(errors, 'and')}" if errors else ""
+    subject = "layered body" if is_layered else "material"
+    return f"for this {subject} the formulas give {join_words(errors, 'and')}" if errors else ""
 
 
 def _entry(table: Mapping[str, np.ndarray], row: int, *columns: str) -> float:

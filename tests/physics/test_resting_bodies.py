@@ -204,7 +204,7 @@ REFUSED: dict[str, tuple[dict[str, Any], str]] = {
     ),
     "yield": (
         {"material": {**LAW, "plasticity": {"yield_stress": 0.01}}},
-        "does not yield",
+        "may not yield",
     ),
     "adhesion": ({"experiment": {"adhesion": {"work": 1e-4}}}, "base_work"),
     "surface tension": (

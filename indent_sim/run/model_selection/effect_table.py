@@ -58,6 +58,7 @@ from indent_sim.run.model_selection.yield_effect import (
     significant_yield_stress,
     yield_needs,
     yield_source,
+    yielding_scene_needs,
 )
 from indent_sim.scene.prescribed_history import remaining_modulus_fraction
 
@@ -688,7 +689,12 @@ EFFECTS: dict[str, Cases] = {
             when=lambda v: isfinite(significant_yield_stress(v)),
             needs=yield_needs,
         ),
-        Absent("not estimated: no theory gives the stress of this tip and body"),
+        Unknown(
+            "no theory gives the stress below this tip in a layer that is not thick",
+            when=lambda v: len(v.config.layers) > 1,
+            needs=yielding_scene_needs,
+        ),
+        Unknown("no theory gives the stress of this tip and body", needs=yielding_scene_needs),
     ),
     "tilt": (
         Absent("a tilt does not change a sphere", when=lambda v: isinstance(v.tip, Sphere)),
