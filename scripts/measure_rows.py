@@ -6,6 +6,7 @@ python scripts/measure_rows.py elements [COUNT]: the same with axisymmetric fini
 python scripts/measure_rows.py kills [COUNT]: kills of a shard at random moments [200]
 python scripts/measure_rows.py writes [COUNT]: kills of a process that only appends rows [200]
 python scripts/measure_rows.py gather [COUNT]: rows that are made, not computed [100000]
+python scripts/measure_rows.py surrogate [COUNT]: the shipped surrogate at new scenes [2000]
 """
 
 from __future__ import annotations
@@ -27,11 +28,13 @@ import h5py
 import numpy as np
 import yaml
 
+import indent_sim
 from indent_sim import studies
 from indent_sim.cli import calls
 from indent_sim.studies.row_file import RowFile, RowIndex, RowWriter, RunRow
 from indent_sim.studies.settings_checksum import SettingsChecksum
 
+ROOT = Path(__file__).resolve().parents[1]
 SCENE: dict[str, Any] = {
     "title": "Beads on two films",
     "body": {
@@ -71,6 +74,7 @@ MESHED_VARY = {
     "indenter.R": {"from": 2, "to": 10, "spacing": "log"},
     "loading.delta": {"from": 0.05, "to": 0.5},
 }
+SURROGATE_STUDY = ROOT / "configs/studies/surrogate/sphere_on_layer.yaml"
 SHARDS = 4
 KILLS = 10
 SINGLE_RUNS = 30
@@ -181,8 +185,6 @@ def _difference(folder: Path, study: dict[str, Any], table: Any) -> float:
 
 def _single_run(folder: Path, scene: dict[str, Any], keys: dict[str, float]) -> Any:
     """Return the result of a single run with its folder."""
-    import indent_sim
-
     config = indent_sim.load(scene, keys | {"output.plot": False})
     indent_sim.simulate(config, directory=folder, overwrite=True)
     return indent_sim.read(folder)
@@ -342,12 +344,40 @@ def measure_gather(folder: Path, count: int) -> None:
         print(f"  {file.relative_to(folder)}: {file.stat().st_size / 1e6:.1f} MB")
 
 
+def measure_surrogate(folder: Path, count: int) -> None:
+    """Compare the surrogate of the shipped study with new scenes: the points of another sample."""
+    study = yaml.safe_load(SURROGATE_STUDY.read_text())
+    path = write_study(folder, study)
+    _, cpu, _ = run(command(path))
+    print(f"study: {cpu:.1f} s of CPU", flush=True)
+    _, cpu, memory = run(command(path, "--surrogate", "force", "--within", "1e-4"))
+    print(f"surrogate: {cpu:.1f} s of CPU, {memory:.0f} MB")
+    file = folder / "out/surrogate-force.json"
+    surrogate = indent_sim.surrogate(file)
+    print(f"{surrogate.error_text()}; {file.stat().st_size / 1000:.0f} kB")
+    # One point in ten of the ranges does not fulfil `where`.
+    sample = {"method": "latin_hypercube", "count": int(1.15 * count), "seed": 7}
+    (folder / "new").mkdir()
+    run(command(write_study(folder / "new", study | {"sample": sample})))
+    table = calls.read(folder / "new/out")
+    keys = {key: table[key][:count] for key in study["vary"]}
+    errors = np.abs(surrogate(keys) / table["force"][:count] - 1)
+    quantile, largest = np.quantile(errors, 0.99), errors.max()
+    print(f"{len(errors)} new scenes: 99 % within {quantile:.1e}, all within {largest:.1e}")
+    points = 1_000_000
+    many = {key: np.resize(values, points) for key, values in keys.items()}
+    start = time.process_time()
+    surrogate(many)
+    print(f"{points} points: {time.process_time() - start:.2f} s of CPU")
+
+
 def main() -> None:
     """Measure what is asked for."""
     kinds = {"rows": (measure_rows, 5000), "kills": (measure_kills, 200)}
     kinds["elements"] = (measure_elements, 500)
     kinds["gather"] = (measure_gather, 100_000)
     kinds["writes"] = (measure_writes, 200)
+    kinds["surrogate"] = (measure_surrogate, 2000)
     kind, *counts = sys.argv[1:]
     measure, count = kinds[kind]
     with tempfile.TemporaryDirectory() as folder:

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import csv
+from itertools import islice
 
 from indent_sim import studies
+from indent_sim.studies.cases import CaseBuilder
+from indent_sim.studies.surrogate_fit import CHECKED_RUNS
 
 SCENE = {
     "body": {"shape": "half_space"},
@@ -39,11 +42,15 @@ def study_with_table(folder, force, count=400, **changes):
         | changes
     )
     points = [{key: value for key, value, _ in point} for point in study.iterate_points()]
+    build_case = CaseBuilder(study.common_settings)
+    requests = enumerate(islice(study.iterate_requests(), CHECKED_RUNS))
+    names = {index: build_case(index, request).name for index, request in requests}
     with open(folder / "study.csv", "w", newline="") as stream:
-        columns = ("index", *study.keys, "status", "force", "stated_error")
+        columns = ("index", "run", *study.keys, "status", "force", "stated_error")
         writer = csv.DictWriter(stream, columns)
         writer.writeheader()
         for index, point in enumerate(points):
             cells = {"index": index + 1, "status": "done", "force": force(point)}
+            cells["run"] = names.get(index, "")
             writer.writerow(point | cells)
     return study

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from math import isnan
 from pathlib import Path
 
@@ -65,7 +66,9 @@ class CurveWriter:
 
     def abandon(self) -> None:
         """Delete an unfinished file."""
-        self._file.close()
+        # On a full disk the file cannot be closed.
+        with suppress(OSError, RuntimeError):
+            self._file.close()
         self._new_path.unlink(missing_ok=True)
 
     def _flush(self) -> None:

@@ -22,8 +22,9 @@ from indent_sim.studies.small_multiples import (
     value_ratio,
 )
 
-# Quantiles of the runs between which the bands are drawn.
-BANDS = ((0.01, 0.99), (0.1, 0.9), (0.25, 0.75))
+# Quantiles of the runs between which the bands are drawn, with the strength of their colour. The
+# colours are opaque, so that those of the legend are those of the bands.
+BANDS = ((0.01, 0.99, 0.2), (0.1, 0.9, 0.45), (0.25, 0.75, 0.75))
 
 
 def draw_pictures(folder: Path) -> None:
@@ -82,16 +83,22 @@ def draw_bands_into(axes: Axes, runs: ManyRuns) -> None:
     first_depth = max(curve[0, 0] / curve[-1, 0] for curve in curves)
     depths = np.linspace(first_depth, 1.0, 41)
     forces = np.array([np.interp(depths * curve[-1, 0], *curve.T) for curve in curves])
-    for number, (low, high) in enumerate(BANDS):
+    for low, high, strength in BANDS:
         lower, upper = np.quantile(forces, (low, high), axis=0)
-        name = f"{100 * (high - low):.0f} % of the runs"
-        style = {"color": figures.COLOURS[0], "alpha": 0.15 + 0.15 * number, "lw": 0}
-        axes.fill_between(depths, lower, upper, label=name, **style)
+        name = f"{100 * (high - low):.0f} % of runs"
+        axes.fill_between(depths, lower, upper, label=name, color=_tint(strength), lw=0)
     axes.plot(depths, np.median(forces, axis=0), color=figures.INK, label="median")
     axes.set(xlabel="depth / last depth of the run", ylabel=runs.result_label)
     if forces.min() > 0 and value_ratio(forces[:, -1]) >= LOG_RESULT_RATIO:
         axes.set_yscale("log")
     figures.draw_legend_under(axes)
+
+
+def _tint(strength: float) -> tuple[float, ...]:
+    """Return a mixture of white and the first colour, of which `strength` is the share."""
+    from matplotlib.colors import to_rgb
+
+    return tuple(1 - strength * (1 - part) for part in to_rgb(figures.COLOURS[0]))
 
 
 def has_curves(runs: ManyRuns) -> bool:
@@ -138,7 +145,7 @@ def draw_samples(runs: ManyRuns, path: Path) -> None:
                 (x, axes.set_xscale, axes.xaxis),
                 (y, axes.set_yscale, axes.yaxis),
             ):
-                if value_ratio(numbers) >= LOG_NUMBER_RATIO:
+                if has_logarithmic_axis(numbers):
                     set_scale("log")
                     set_plain_log_ticks(axis, value_ratio(numbers))
             if j == count - 1:
@@ -242,9 +249,20 @@ def _thirds(values: np.ndarray) -> list[tuple[np.ndarray, str]]:
 
 def _edges(values: np.ndarray, fields: int) -> np.ndarray:
     """Return the edges of the rectangles over a key."""
-    is_log = value_ratio(values) >= LOG_NUMBER_RATIO
-    edges = (np.geomspace if is_log else np.linspace)(values.min(), values.max(), fields + 1)
-    return np.asarray(edges)
+    spacing = np.geomspace if has_logarithmic_axis(values) else np.linspace
+    return np.asarray(spacing(values.min(), values.max(), fields + 1))
+
+
+def has_logarithmic_axis(values: np.ndarray) -> bool:
+    """Return whether the axis of some values is logarithmic: they cover decades evenly.
+
+    Values that are spaced linearly from nearly 0 on cover decades, too, but their median is in the
+    middle of a linear axis.
+    """
+    if value_ratio(values) < LOG_NUMBER_RATIO:
+        return False
+    low, high = float(values.min()), float(values.max())
+    return bool(np.median(values) ** 2 < np.sqrt(low * high) * (low + high) / 2)
 
 
 def _field_medians(
@@ -269,6 +287,6 @@ def _scale_axes(axes: Axes, edges: Sequence[np.ndarray]) -> None:
     for edge, set_scale, axis in zip(
         edges, (axes.set_xscale, axes.set_yscale), (axes.xaxis, axes.yaxis), strict=True
     ):
-        if value_ratio(edge) >= LOG_NUMBER_RATIO:
+        if has_logarithmic_axis(edge):
             set_scale("log")
             set_plain_log_ticks(axis, value_ratio(edge))

@@ -225,6 +225,7 @@ def _range_end(
             (*keys, end),
             source,
             f"must be a number between {-LARGEST_RANGE_END:g} and {LARGEST_RANGE_END:g}",
+            "write it in the units of the scene, without a unit",
         )
     return value
 

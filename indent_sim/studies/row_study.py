@@ -6,13 +6,14 @@ from collections.abc import Callable
 from pathlib import Path
 
 from indent_sim.process.errors import NotConverged, UsageError
+from indent_sim.process.limits import write_error
 from indent_sim.process.usage import machine_memory
 from indent_sim.results.result_files import Report
 from indent_sim.studies import many_runs_picture, study_folder
 from indent_sim.studies import shard as shards
 from indent_sim.studies.finished_study import Study, read_study
 from indent_sim.studies.row_file import ROWS_FOLDER, gather_lock, row_files
-from indent_sim.studies.row_table import RowTable
+from indent_sim.studies.row_table import RowCounts, RowTable
 from indent_sim.studies.study_file import StudyFile
 
 # Largest number of rows of a table that is read back into memory.
@@ -27,6 +28,14 @@ def _units(study: StudyFile) -> dict[str, str]:
     length = units.get("length", "")
     force = units.get("force", "")
     return {"force": force, "a": length, "penetration": length, "p_max": f"{force}/{length}²"}
+
+
+def _write_table(study: StudyFile, directory: Path) -> RowCounts:
+    """Write the table of a study and its curves; return the numbers of rows."""
+    try:
+        return RowTable(study, directory).write()
+    except OSError as error:
+        raise write_error(directory, error) from error
 
 
 def execute_row_study(
@@ -77,7 +86,7 @@ def execute_row_study(
         if shard is not None:
             return Study(directory, study.title, study.keys, str(study.compare_to), [])
         with gather_lock(directory / ROWS_FOLDER):
-            counts = RowTable(study, directory).write()
+            counts = _write_table(study, directory)
         folder.write_record(**record, counts=counts.as_json(), units=_units(study))
     if counts.done:
         many_runs_picture.draw_pictures(directory)

@@ -34,10 +34,11 @@ class SceneNumbers:
 
         Raises ConfigError if a key of the condition has no number.
         """
-        return condition.holds({key: self.number(key, point) for key in condition.keys})
+        numbers = {key: self._number(key, point, condition.text) for key in condition.keys}
+        return condition.holds(numbers)
 
-    def number(self, key: str, point: ParameterPoint) -> float:
-        """Return the number of a key at a point; raise ConfigError if the key has no number."""
+    def _number(self, key: str, point: ParameterPoint, condition: str) -> float:
+        """Return the number of a key of a condition at a point; ConfigError if it has none."""
         value = self._value(key, (*self._common_settings, *point))
         if isinstance(value, (int, float)) and not isinstance(value, bool):
             return float(value)
@@ -45,7 +46,7 @@ class SceneNumbers:
             quantities = quantities_of(self._base, (*self._common_settings, *point))
             if key_path(key) in quantities:
                 return quantities[key_path(key)][1]
-        problem = "has no number in this study"
+        problem = f'has no number in this study, which the condition "{condition}" needs'
         remedy = (
             "write a number for it in the scene, in set or in vary; a value of auto does "
             "not suffice"

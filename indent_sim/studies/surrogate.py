@@ -153,7 +153,8 @@ class Surrogate:
         relation = "relative" if self.is_logarithmic else "of the largest value"
         return (
             f"{100 * quantile:g} % of points are within {error:.2g} ({relation}, at 95 % "
-            f"confidence, {self.error['held_out']} held-out runs)"
+            f"confidence, {self.error['held_out']} held-out runs, the largest error "
+            f"{self.error['largest']:.2g})"
         )
 
     @cached_property
@@ -333,7 +334,7 @@ def _surrogate_of(data: Mapping[str, Any]) -> Surrogate:
         except ConditionError as error:
             raise ValueError(f"its condition {error}") from None
     names = ("title", "units", "study", "runs")
-    for name in ("quantile", "error", "held_out", "variance_share"):
+    for name in ("quantile", "error", "largest", "held_out", "variance_share"):
         float(data["error"][name])
     surrogate = Surrogate(
         str(data["column"]),
@@ -358,7 +359,7 @@ def _surrogate_of(data: Mapping[str, Any]) -> Surrogate:
 
 
 def _powers(data: Mapping[str, Any]) -> dict[str, float]:
-    """Return powers of keys from the content of a file."""
+    """Return the exponent of each key in a product of powers, from the file of a surrogate."""
     return {str(key): float(power) for key, power in data.items()}
 
 

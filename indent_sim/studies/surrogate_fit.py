@@ -35,6 +35,8 @@ SURROGATE_COLUMNS = ("force", "a", "p_max")
 MAX_ROWS = 50_000
 MAX_FITTED_ROWS = 6_000
 MIN_ROWS = 40
+# Number of runs of the table that are compared with those of the study.
+CHECKED_RUNS = 5
 # Beginnings of keys that belong to the numerical method and not to the mechanical problem.
 METHOD_SECTIONS = ("mesh", "solver")
 METHOD_KEYS = ("accuracy", "contact.epsilon_n", "contact.gamma", "loading.steps")
@@ -55,12 +57,15 @@ class RunTable:
         Largest relative error of the force that the runs state.
     failed
         Number of runs without a result.
+    first_runs
+        Names of the first CHECKED_RUNS runs by their index in the study.
     """
 
     keys: dict[str, np.ndarray]
     column: np.ndarray
     stated_error: float
     failed: int
+    first_runs: Mapping[int, str]
 
 
 def fit_surrogate(
@@ -87,6 +92,7 @@ def fit_surrogate(
     if column not in SURROGATE_COLUMNS:
         raise UsageError(f"--surrogate {column}: choose one of {', '.join(SURROGATE_COLUMNS)}")
     table = _read_table(study, directory, column)
+    _check_runs(study, table.first_runs, directory / study_folder.STUDY_TABLE)
     surrogate = _surrogate_without_polynomial(study, table, column)
     is_held_out = _held_out(len(table.column))
     train = np.flatnonzero(~is_held_out)[:MAX_FITTED_ROWS]
@@ -151,21 +157,46 @@ def _read_table(study: StudyFile, directory: Path, column: str) -> RunTable:
     return rows
 
 
+def _check_runs(study: StudyFile, runs: Mapping[int, str], path: Path) -> None:
+    """Raise UsageError if runs of the table are not those of the study, which was changed since.
+
+    The runs are compared by the checksum of their physics, at the end of their names.
+    """
+    build_case = CaseBuilder(study.common_settings)
+    for index, request in enumerate(islice(study.iterate_requests(), max(runs) + 1)):
+        if index not in runs:
+            continue
+        try:
+            is_same = build_case(index, request).id == runs[index].rpartition("-")[2]
+        except ConfigError:
+            is_same = False
+        if not is_same:
+            raise UsageError(
+                f"{path} is not the table of this study: its row {index + 1} is another run",
+                "run the study again with --resume, or with --overwrite if another version of the "
+                "program computed the table",
+                str(path),
+            )
+
+
 def _table_rows(stream: io.TextIOBase, keys: Sequence[str], column: str) -> RunTable:
     """Return the runs in a stream of study.csv."""
     numbers: list[list[float]] = []
     failed = 0
+    first_runs: dict[int, str] = {}
     for row in islice(csv.DictReader(stream), MAX_ROWS):
         if row["status"] == "done" and row[column]:
             cells = (*(row[key] for key in keys), row[column], row["stated_error"] or "0")
             numbers.append([float(cell) for cell in cells])
+            if len(first_runs) < CHECKED_RUNS:
+                first_runs[int(row["index"]) - 1] = row["run"]
         else:
             failed += row["status"] != "pending"
     if len(numbers) < MIN_ROWS:
         raise UsageError(f"{len(numbers)} runs have a result: a surrogate needs {MIN_ROWS}")
     columns = np.array(numbers).T
     values = dict(zip(keys, columns[:-2], strict=True))
-    return RunTable(values, columns[-2], float(columns[-1].max()), failed)
+    return RunTable(values, columns[-2], float(columns[-1].max()), failed, first_runs)
 
 
 def _surrogate_without_polynomial(study: StudyFile, table: RunTable, column: str) -> Surrogate:

@@ -319,8 +319,8 @@ def test_the_contact_ends_before_the_equator() -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"tip_sink": 0.5}, "no part of the depth"),
-        ({"tip_energy": 1.0}, "no part of that of both bodies"),
+        ({"tip_sink": 0.5}, "not between 0 and the depth"),
+        ({"tip_energy": 1.0}, "not between 0 and that of both bodies"),
         ({"energy": 1e-4, "tip_energy": 1e-5}, "but the energy of both bodies is"),
     ],
 )
@@ -361,7 +361,10 @@ REFUSED: dict[str, tuple[dict[str, Any], str]] = {
     "the penalty method": ({"contact": {"method": "penalty"}}, "augmented Lagrangian"),
     "friction": ({"contact": {"method": "augmented_lagrangian", "friction": 0.3}}, "friction"),
     "condensation": ({"solver": {"method": "condensed"}}, "whole mesh of both bodies"),
-    "nodal stress": ({"output": {"nodal_stress": True}}, "no stress at the vertices"),
+    "nodal stress": (
+        {"output": {"nodal_stress": True}},
+        "cannot be combined with stresses at the nodes",
+    ),
     "a body that relaxes": (
         {
             "material": {**LAW, "relaxation": {"prony": [[0.5, 1.0]]}},

@@ -136,4 +136,7 @@ def yield_source(v: SceneVariants) -> str:
     onset = onset_yield_stress(v)
     if onset == onset:
         return f"Hertz and von Mises: yield begins on this path at a yield stress of {onset:.2g}"
-    return "estimate by Johnson's cavity; a sharp tip yields the body from the first contact on"
+    return (
+        "estimate by Johnson's model of an expanding cavity; under a sharp tip the body "
+        "yields from the first contact on"
+    )

@@ -12,6 +12,7 @@ from numpy.polynomial import chebyshev
 from scipy.optimize import linprog
 from surrogate_tables import RANGES, SCENE, hertz, study_with_table
 
+from indent_sim import studies
 from indent_sim.config.key_dimensions import key_numbers
 from indent_sim.process.errors import UsageError, VerificationError
 from indent_sim.studies.chebyshev_sum import ChebyshevSum, design_matrix, index_tuples
@@ -164,6 +165,30 @@ class TestSurrogate:
         keys = random_keys(1000)
         assert np.abs(surrogate(keys) / hertz(keys) - 1).max() < 1e-6
 
+    def test_groups_are_combined(self, tmp_path):
+        """The ratio of contact radius to thickness, a power 1/2 of two lengths, is found.
+
+        The factor is a function of it alone, and the error 3e-10. Of the groups h/R and delta/R a
+        polynomial with as many terms has an error of 3e-5.
+        """
+
+        def on_a_layer(keys):
+            a = np.sqrt(keys["indenter.R"] * keys["loading.delta"])
+            return hertz(keys) * (1 + a / keys["body.height"]) ** 3
+
+        layer = SCENE | {"body": {"shape": "layer", "height": 1.0}}
+        heights = {"body.height": {"from": 0.1, "to": 10, "spacing": "log"}}
+        changes = {"base": layer, "vary": RANGES | heights}
+        study = study_with_table(tmp_path, on_a_layer, 800, **changes)
+        surrogate = fit_surrogate(study, tmp_path, "force", 1e-6)
+        half = {"body.height": 1.0, "indenter.R": -0.5, "loading.delta": -0.5}
+        powers = [coordinate.powers for coordinate in surrogate.coordinates]
+        assert any(
+            sorted(found) == sorted(half)
+            and all(found[key] / found["body.height"] == half[key] for key in half)
+            for found in powers
+        )
+
     def test_scale_is_exact(self, tmp_path):
         """Nothing limits a key that is a scale alone; the other keys keep their range."""
         surrogate = fit_surrogate(study_with_table(tmp_path, hertz), tmp_path, "force")
@@ -241,6 +266,8 @@ class TestSurrogate:
             {"where": ["__import__('os')"]},
             {"error": {}},
             {"coordinates": []},
+            {"coordinates": [part | {"stretch": 1.0} for part in data["coordinates"]]},
+            {"coordinates": [{"powers": {"material.nu": 1}, "log": False}]},
             {"coordinates": [{"powers": {"x": 1}, "log": True}] * 2},
         ]
         for change in changes:
@@ -251,6 +278,17 @@ class TestSurrogate:
             path.write_text(text)
             with pytest.raises(UsageError, match="not a readable surrogate"):
                 read_surrogate(path)
+
+    def test_a_table_of_another_study_is_refused(self, tmp_path):
+        """A changed scene or range would give a surrogate of another scene, or too wide a range."""
+        study_with_table(tmp_path, hertz)
+        stiffer = SCENE | {"body": {"shape": "layer", "height": 50.0}}
+        wider = RANGES | {"loading.delta": {"from": 0.01, "to": 0.1}}
+        for change in ({"base": stiffer}, {"vary": wider}, {"sample": {"count": 400, "seed": 1}}):
+            settings = {"base": SCENE, "vary": RANGES, "sample": {"count": 400}}
+            other = studies.read(settings | {"output": {"runs": "none"}} | change)
+            with pytest.raises(UsageError, match="is not the table of this study"):
+                fit_surrogate(other, tmp_path, "force")
 
     def test_too_few_runs(self, tmp_path):
         with pytest.raises(UsageError, match="a surrogate needs 40"):
