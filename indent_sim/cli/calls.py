@@ -240,7 +240,7 @@ def plot(
         if options:
             raise UsageError(
                 f"the picture of a study has no option {next(iter(options))}",
-                "leave the options out, or plot one of its runs",
+                "leave the options out, or plot one run of the study",
             )
         return _plot_study(shown, what or "curves", ax)
     results = [shown] if isinstance(shown, Results) else shown
@@ -263,7 +263,7 @@ def _plot_study(shown: Study, panel: str, ax: Axes | None) -> Figure:
     if panel not in ("curves", *small_multiples.PLOTTED_COLUMNS):
         columns = ", ".join(small_multiples.PLOTTED_COLUMNS)
         problem = f"a study is plotted as curves, or as one of {columns}"
-        raise UsageError(f"{problem}; for other panels plot one of its runs")
+        raise UsageError(f"{problem}; for other panels plot one run of the study")
     curve_groups = curve_table.group_folder_curves(
         shown.directory / result_files.RUNS, shown.rows, shown.keys
     )

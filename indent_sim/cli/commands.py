@@ -153,7 +153,8 @@ def program() -> None:
     "--overwrite",
     is_flag=True,
     help=(
-        "Replace the run in the folder: that of another CONFIG, or a finished one of another scene."
+        "Replace a run in the folder that belongs to another CONFIG, or a finished run of "
+        "another scene."
     ),
 )
 @click.option(
@@ -197,7 +198,7 @@ def run(
     "--shard",
     callback=parse_shard,
     metavar="I/N",
-    help="Do only every N-th run, beginning with the I-th, and write no table.",
+    help="Perform only every N-th run, beginning with the I-th, and write no table.",
 )
 @click.option(
     "--jobs",
@@ -207,7 +208,9 @@ def run(
     help="Number of runs at the same time [1].",
 )
 @click.option(
-    "--gather", is_flag=True, help="Write the table of the runs that exist; compute none."
+    "--gather",
+    is_flag=True,
+    help="Write the table of the existing runs, without computing any run.",
 )
 @click.option(
     "--only",
@@ -217,13 +220,14 @@ def run(
 @click.option(
     "--surrogate",
     metavar="COLUMN",
-    help="Fit a column (force, a, p_max) of the finished study, and state the error.",
+    help="Fit a column (force, a or p_max) of the finished study by a function of the varied "
+    "keys, and state the error of this surrogate.",
 )
 @click.option(
     "--within",
     type=click.FloatRange(0, 1, min_open=True),
     metavar="X",
-    help="Error that the surrogate must not exceed.",
+    help="Largest permitted relative error of the surrogate.",
 )
 @click.option("--output", type=PATH, help="Folder of the study [results/<STUDY's stem>].")
 @quiet_option
@@ -361,7 +365,10 @@ def plan(
     help="Accepted relative error of the force.",
 )
 @click.option(
-    "--curve", metavar="FILE", type=PATH, help="Measured curve that gives depth and modulus."
+    "--curve",
+    metavar="FILE",
+    type=PATH,
+    help="Measured curve, from which the depth and the modulus are taken.",
 )
 @columns_option
 @units_option
@@ -428,8 +435,8 @@ def _print_curve_requirements(
     metavar="SCENE",
     type=PATH,
     help=(
-        "Before a measurement: print the intervals of the keys that a curve of this scene would "
-        "give; needs --noise."
+        "Before a measurement: print the intervals that a fit of the keys to a curve of this "
+        "scene would give; needs --noise."
     ),
 )
 @click.option(
@@ -442,7 +449,7 @@ def _print_curve_requirements(
     "--points",
     type=click.IntRange(30, 100_000),
     metavar="N",
-    help="With --design: points of the curve [300].",
+    help="With --design: number of points of the curve [300].",
 )
 @click.option(
     "--vary",
@@ -461,7 +468,8 @@ def _print_curve_requirements(
     type=click.Choice(("approach", "hold", "retract", "both", "all")),
     default="approach",
     show_default=True,
-    help="Part of the curve; hold: approach and hold; both: approach and retract.",
+    help="Part of the curve that is fitted; hold means approach and hold, both means "
+    "approach and retraction.",
 )
 @click.option(
     "--other-tip",
@@ -488,15 +496,15 @@ def _print_curve_requirements(
     "--level",
     type=NumberInRange(),
     metavar="X",
-    help="Force out of contact in the unit of the scene, without a slope [fitted; 0 if the curve "
+    help="Constant force out of contact, in the unit of the scene [fitted; 0 if the curve "
     "begins in contact].",
 )
 @click.option(
     "--models",
     flag_value="all",
     default="needed",
-    help="Fit the alternative models to every curve, not only where they are needed; of a map only "
-    "to the sample of curves that are fitted one by one.",
+    help="Fit the alternative models to every curve, even if the scene explains it; in a map "
+    "only to the sample of curves that are fitted one by one.",
 )
 @click.option(
     "--jobs",
@@ -514,21 +522,22 @@ def _print_curve_requirements(
 @click.option(
     "--thickness",
     metavar="FILE|height[:MEAN]|base",
-    help="With a map: thickness of each pixel, in a .gsf, .tif or text file, or from the height at "
-    "zero force, if the base is flat; MEAN is the median thickness [body.height]. base: the height "
-    "above the plane of the base, fitted where the base is bare.",
+    help="With a map: thickness of each pixel. FILE is a .gsf, .tif or text file. With "
+    "height it follows from the height at zero force above a flat base, and MEAN is the "
+    "median thickness [body.height]. With base it is the height above a plane that is "
+    "fitted to the pixels of bare base.",
 )
 @click.option(
     "--grid",
     callback=parse_layout,
     metavar="ROWSxCOLUMNS",
-    help="The files, in the order of their names, are the places of a map, row by row.",
+    help="Take the files, in the order of their names, as the pixels of a map, row by row.",
 )
 @click.option(
     "--rows",
     callback=parse_rows,
     metavar="A:B",
-    help="With a map: rows A to B - 1, counted from 0 in the order of the scan [all].",
+    help="With a map: fit only the rows A to B - 1, counted from 0 in the order of the scan [all].",
 )
 @click.option("--output", type=PATH, help="Folder of the fit [results/fit-<CURVE's stem>].")
 @quiet_option
@@ -644,10 +653,12 @@ def _fit_map(
 ) -> MapFit | None:
     """Fit a map with the options of the command line; return None if the curves are no map."""
     from indent_sim.fitting import map_folder, map_source
+    from indent_sim.fitting.joint_fit import scenes_of_tips
 
     request = _fit_request(config, options)
     if request.other_tips:
-        return None
+        # They need --segment both, of which no map is fitted.
+        scenes_of_tips(request)
     reading = _reading_options(options)
     source = map_source.MapSource(curves, reading, options["grid"], options["rows"])
     measured_map = map_source.find_map(source, request, options["as_map"])
@@ -657,7 +668,7 @@ def _fit_map(
         return None
     if options["level"] is not None:
         raise UsageError(
-            "--level: the baselines of a map are fitted",
+            "--level cannot be used: the baselines of a map are fitted",
             "leave --level out, or fit curve by curve with --no-map",
         )
     return map_folder.fit_map_folder(
@@ -732,14 +743,15 @@ epsilon_option = click.option(
     metavar="NUMBER|m",
     default="0.75",
     show_default=True,
-    help="Factor of F_max/S in the contact depth; m: the value for the fitted exponent.",
+    help="Factor epsilon of F_max/S in the contact depth; with m it is the value that "
+    "belongs to the fitted exponent.",
 )
 beta_option = click.option(
     "--beta",
     type=NumberInRange(0.5, 2),
     default=1.0,
     show_default=True,
-    help="Factor of the stiffness of a contact that is not circular.",
+    help="Factor beta by which the stiffness of a contact that is not circular is larger.",
 )
 top_option = click.option(
     "--top",
@@ -750,33 +762,39 @@ top_option = click.option(
 frame_compliance_option = click.option(
     "--frame-compliance",
     metavar="NUMBER",
-    help="Deflection of the frame per force, e.g. '0.3 nm/mN', subtracted from the depth.",
+    help="Compliance of the frame, e.g. '0.3 nm/mN'; the deflection of the frame is "
+    "subtracted from the depth.",
 )
 drift_option = click.option(
     "--drift",
     metavar="NUMBER|hold",
-    help="Thermal drift of the depth, e.g. '0.05 nm/s', subtracted from the depth; hold: that of a "
-    "hold at 2 to 30 % of the largest force.",
+    help="Rate of the thermal drift, e.g. '0.05 nm/s', which is subtracted from the depth; "
+    "with hold the rate is measured in a hold at 2 to 30 % of the largest force.",
 )
 
 
 @program.command()
 @click.argument("curve", metavar="CURVE_OR_RESULT", type=PATH)
-@click.option("--scene", type=PATH, help="Scene with tip, frame and nu of a measured curve.")
+@click.option(
+    "--scene",
+    type=PATH,
+    help="Scene from which the tip, the frame and nu of a measured curve are taken.",
+)
 @click.option(
     "--area",
     metavar="FILE|berkovich|vickers|ANGLE",
-    help="Area function: table of contact depth and area, ideal tip, or half angle of a cone "
-    "[that of the scene's tip, otherwise berkovich].",
+    help="Area function: a file with a table of contact depth and area, the name of an ideal "
+    "tip, or the half angle of a cone [the tip of the scene, otherwise berkovich].",
 )
 @epsilon_option
 @beta_option
 @top_option
-@click.option("--nu", type=float, help="Poisson's ratio of the sample [of the scene, or 0.3].")
+@click.option("--nu", type=float, help="Poisson's ratio of the sample [that of the scene, or 0.3].")
 @click.option(
     "--tip",
     metavar="diamond|rigid|E,NU",
-    help="Elasticity of the tip, e.g. '400 GPa,0.25' [diamond; rigid for a result].",
+    help="Young's modulus and Poisson's ratio of the tip, e.g. '400 GPa,0.25' [diamond; for "
+    "the result of a run: rigid].",
 )
 @frame_compliance_option
 @drift_option
@@ -829,7 +847,7 @@ def hardness(
 @click.option(
     "--tip",
     metavar="diamond|rigid|E,NU",
-    help="Elasticity of the tip, e.g. '400 GPa,0.25' [diamond].",
+    help="Young's modulus and Poisson's ratio of the tip, e.g. '400 GPa,0.25' [diamond].",
 )
 @epsilon_option
 @beta_option
@@ -842,7 +860,7 @@ def hardness(
     "--output",
     type=PATH,
     required=True,
-    help="New file for the table, which `hardness --area` reads.",
+    help="New file for the table of the area function, which `hardness --area` reads.",
 )
 @json_option
 def calibrate(
@@ -893,12 +911,12 @@ def calibrate(
     metavar="X|COLUMN=X,...",
     default="1e-6",
     show_default=True,
-    help="Relative tolerance of all columns, or of single ones, e.g. force=1e-3,a=2e-2.",
+    help="Relative tolerance of all columns, or of single columns, e.g. force=1e-3,a=2e-2.",
 )
 @click.option(
     "--columns",
     callback=parse_words,
-    help="Columns to compare [delta, force, a and those of --rtol].",
+    help="Columns to compare [delta, force, a and the columns that --rtol names].",
 )
 @json_option
 def compare(
@@ -974,19 +992,20 @@ def compare(
     "--limits",
     callback=parse_limits,
     metavar="A:B",
-    help="Range of the colours of a field, and of pressures, in the unit shown.",
+    help="Range of the colours of a field or of a pressure, in the unit of the picture.",
 )
 @click.option(
     "--zoom",
     callback=parse_zoom,
     metavar="X|all",
-    help="Half width of the view of a field in contact radii, or all for the whole body.",
+    help="Half width of the view of a field in contact radii, or 'all' for the whole body.",
 )
 @click.option(
     "--pixel",
     callback=parse_pixel,
     metavar="ROW,COLUMN",
-    help="Curve of a pixel of a fitted map, counted from 0, with its fit, computed anew.",
+    help="Draw the curve of one pixel of a fitted map with its fit; rows and columns are "
+    "counted from 0.",
 )
 @click.option(
     "--font-size", "font", type=NumberInRange(4, 40), metavar="PT", help="Font size in points [10]."
@@ -1047,7 +1066,7 @@ def plot(paths: tuple[Path, ...], output: Path | None, **given_options: Any) -> 
 def _plot_map(folder: Path, output: Path | None, options: dict[str, Any]) -> None:
     """Plot panels of a fitted map."""
     from indent_sim.config.scene_file import config_from_mapping
-    from indent_sim.fitting import map_folder, map_picture
+    from indent_sim.fitting import map_picture, unfinished_map
     from indent_sim.results.pictures import figures
 
     if unused_options := [name for name in options if name not in ("what", "dpi", "pixel")]:
@@ -1057,7 +1076,7 @@ def _plot_map(folder: Path, output: Path | None, options: dict[str, Any]) -> Non
         )
     if "pixel" in options:
         return _plot_pixel(folder, output, options)
-    map_fit = map_folder.read_map(folder)
+    map_fit = unfinished_map.read_fitted_curves(folder)
     panels = options.get("what", ())
     if output is None:
         output = folder / f"{'-'.join(panels) or 'map'}.png"

@@ -183,9 +183,9 @@ columns_option = click.option(
     "--columns",
     callback=parse_words,
     metavar="ROLE=COLUMN,...|DEPTH,FORCE[,TIME]",
-    help="Columns, by title or by number from 1, e.g. z=1,deflection=2,time=4,segment=5; a minus "
-    "before the column turns the sign of its numbers. Roles: depth, z, separation, force, "
-    "deflection, time, segment.",
+    help="Columns, by title or by number from 1, e.g. z=1,deflection=2,time=4,segment=5; a "
+    "minus before the column reverses the sign of its numbers. Roles: depth, z, "
+    "separation, force, deflection, time, segment.",
 )
 sensitivity_option = click.option(
     "--sensitivity",
@@ -196,7 +196,7 @@ sensitivity_option = click.option(
 units_option = click.option(
     "--units",
     callback=parse_pairs,
-    help="Units of a file that gives none, e.g. length=m,force=N.",
+    help="Units of the columns of a file that does not state them, e.g. length=m,force=N.",
 )
 quiet_option = click.option(
     "--quiet",

@@ -279,9 +279,12 @@ def _experiment_lines(report: Report, units: Mapping[str, str]) -> Iterator[str]
         force_text = _quantity_text(point["force"], units["force"])
         return f"force {force_text}, delta {_quantity_text(point['delta'], units['delta'])}"
 
-    for control, point in _report_section(_report_section(report, "adhesion"), "pull_off").items():
+    adhesion = _report_section(report, "adhesion")
+    for control, point in _report_section(adhesion, "pull_off").items():
         words = control.replace("_", " ")
         yield f"pull-off under {words}: {place_text(point)}"
+    if "words" in adhesion:
+        yield adhesion["words"]
     for event, point in _report_section(report, "cantilever").items():
         if point:
             z_text = _quantity_text(point["z"], units["delta"])
@@ -441,8 +444,9 @@ def hardness_text(result: Hardness) -> str:
     lines = [
         _align_columns(rows, "<"),
         "",
-        "The ± are half-widths of 95 % intervals by the scatter of the samples; errors of area "
-        "function, frame and zero point, and pile-up, are not in them.",
+        "The numbers after ± are half-widths of 95 % intervals from the scatter of the samples; "
+        "they include neither errors of the area function, the frame compliance and the zero "
+        "point, nor the error due to pile-up.",
         *(f"{name}: {words}" for name, words in result.assumptions.items()),
     ]
     if result.truth:

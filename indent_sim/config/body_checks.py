@@ -34,7 +34,7 @@ def cap_errors(config: SceneSections) -> Iterator[ConfigError]:
     if body.height and body.contact_angle:
         yield ConfigError(
             "body.contact_angle",
-            "contradicts height: each of them alone defines the shape of the cap",
+            "cannot be combined with height: each of the two alone defines the shape of the cap",
             "give one of the two",
         )
     elif not body.height and not body.contact_angle:
@@ -76,6 +76,7 @@ def resting_body_errors(config: SceneSections) -> Iterator[ConfigError]:
     body = config.body
     if not isinstance(body, CurvedBody) or body.base != "unbonded":
         return
+    adhesion = config.experiment.adhesion if config.experiment else None
     bonded = "use body.base: fixed"
     reasons = (
         (
@@ -90,25 +91,40 @@ def resting_body_errors(config: SceneSections) -> Iterator[ConfigError]:
         ),
         (
             config.yields,
-            "does not yield: both contacts are solved on one compliance",
+            "may not yield: its two contacts are solved with the compliance of an elastic body",
             f"leave material.plasticity out, or {bonded}",
         ),
         (
             any(material.relaxation for _, material in config.materials())
             or config.loading.prescribed_history is not None,
-            "is not modelled with relaxation or a history: the load curve is that of two contacts",
+            (
+                "is not modelled with relaxation or a history, because its load curve is that of "
+                "two contacts"
+            ),
             f"give loading.delta or force, or {bonded}",
         ),
         (
             not config.contact.is_conservative,
-            "is modelled without friction, above and below",
+            "is modelled without friction in both contacts",
             f"leave contact.friction out, or {bonded}",
         ),
         (
-            config.contact.adhesion is not None
-            or bool(config.experiment and config.experiment.adhesion),
-            "is modelled without adhesion, above and below",
-            f"leave it out, or {bonded}",
+            config.contact.adhesion is not None,
+            "is modelled with adhesion in the limit of a short range only",
+            "give experiment.adhesion: {work: ..., base_work: ...} in place of contact.adhesion, "
+            f"or {bonded}",
+        ),
+        (
+            adhesion is not None and adhesion.base_work is None,
+            "is lifted off by a tip that adheres to it, at a force of 0: the flat does not hold it",
+            "give experiment.adhesion.base_work, the work of adhesion between body and flat, or "
+            f"{bonded}",
+        ),
+        (
+            adhesion is not None and isinstance(body, Cap),
+            "with a flat base adheres to the flat by a contact that does not shrink, but separates "
+            "all at once",
+            f"use a ball or an ellipsoid, or {bonded}",
         ),
         (
             bool(body.surface_tension),
@@ -122,7 +138,7 @@ def resting_body_errors(config: SceneSections) -> Iterator[ConfigError]:
         ),
         (
             config.contact.method == "nitsche",
-            "is solved by static condensation, which nitsche does not allow",
+            "is solved by static condensation, which is not possible with nitsche",
             "use contact.method: auto",
         ),
         (
@@ -224,8 +240,8 @@ def surface_tension_errors(config: SceneSections) -> Iterator[ConfigError]:
     remedy = "give one of the two"
     if config.experiment and config.experiment.adhesion:
         problem = (
-            "cannot be combined with experiment.adhesion: the JKR limit holds for a surface "
-            "without tension"
+            "cannot be combined with experiment.adhesion: the JKR limit holds for a body "
+            "without surface tension"
         )
         yield ConfigError(key, problem, remedy)
     if config.contact.may_snap_through:

@@ -55,8 +55,8 @@ def flow_errors(config: SceneSections) -> Iterator[ConfigError]:
     key = next(iter(flows))
     if config.loading.prescribed_history is None:
         remedy = (
-            "give loading.history, or leave flow out: nu as given is the drained body, nu: 0.5 the "
-            "undrained one"
+            "give loading.history, or leave flow out: without flow the given nu describes the "
+            "drained body, and nu: 0.5 the undrained body"
         )
         yield ConfigError(key, "needs a load path in time", remedy)
     yield from (
@@ -108,8 +108,8 @@ def _gel_errors(config: SceneSections) -> Iterator[ConfigError]:
     for key, material in config.materials():
         if gels and material.flow and not isinstance(material, Gel):
             problem = (
-                "cannot be combined with a gel unless this material is a gel, too: the bath is the "
-                "chemical potential of a solvent"
+                "cannot be combined with a gel unless this material is a gel, too, because the "
+                "bath of a gel is the chemical potential of its solvent"
             )
             yield ConfigError(f"{key}.flow", problem, "leave it out, or use only gels")
     ratios = {key: gel.G / gel.n_omega for key, gel in gels.items() if gel.flow}
@@ -119,8 +119,8 @@ def _gel_errors(config: SceneSections) -> Iterator[ConfigError]:
     for key, ratio in ratios.items():
         if not isclose(ratio, first, rel_tol=solvent_rtol):
             problem = (
-                f"gives G/n_omega = {ratio:g}, but another gel has {first:g}; it is kT over the "
-                "molecular volume of the solvent, which is the same for all"
+                f"gives G/n_omega = {ratio:g}, but another gel has {first:g}; this ratio is kT "
+                "divided by the molecular volume of the solvent, which is the same for all gels"
             )
             yield ConfigError(f"{key}.n_omega", problem, "use the same ratio for all gels")
 
@@ -144,7 +144,7 @@ def _flow_law_errors(key: str, material: Material) -> Iterator[ConfigError]:
             )
     if not material.is_small_strain and (flow.alpha, flow.storage) != (1.0, 0.0):
         name = "alpha" if flow.alpha != 1 else "storage"
-        problem = "at finite strain grains and fluid are incompressible"
+        problem = "at finite strain grains and fluid must be incompressible"
         yield ConfigError(f"{key}.{name}", problem, "use alpha: 1, storage: 0")
     if material.is_small_strain and flow.holmes_mow:
         yield ConfigError(
@@ -178,12 +178,14 @@ def plasticity_errors(config: SceneSections) -> Iterator[ConfigError]:
         problem = "is not verified together with yield"
         yield ConfigError(f"{section}.adhesion", problem, f"leave it or {key} out")
     elif config.experiment and config.experiment.frequencies:
-        problem = "is simulated with the load curve of a linear body, but this one yields"
+        problem = "is computed from the load curve of a linear elastic body, but this body yields"
         yield ConfigError("experiment.frequencies", problem, "leave it out")
     refines_increments = config.loading.given_path_keys[:1] in (("delta",), ("deltas",))
     if config.accuracy is not None and not refines_increments:
-        problem = "of a body that yields refines the increments of prescribed depths only"
-        yield ConfigError("accuracy", problem, "give depths, or --error-bars in place of it")
+        problem = "can refine the increments of a body that yields only if depths are prescribed"
+        yield ConfigError(
+            "accuracy", problem, "prescribe depths, or use --error-bars in place of accuracy"
+        )
     if isinstance(config.contact, Nitsche):
         problem = "nitsche uses the stress of the body, which yields"
         yield ConfigError("contact.method", problem, "use augmented_lagrangian")
@@ -282,7 +284,8 @@ def _shear_relaxation_errors(
             )
             yield ConfigError(
                 f"{key}.relaxation.of",
-                f"{law.model} has an energy whose shear part depends on the volume",
+                f"is not available for {law.model}, because the shear part of its energy depends "
+                "on the volume",
                 f"use {alternative_law}",
             )
     if config.experiment and config.experiment.frequencies:
@@ -312,7 +315,9 @@ def _relaxation_law_errors(
                 "time]"
             )
             yield ConfigError(
-                f"{key}.prony[{k}]", problem, "use a fraction from 0 to below 1 and a time above 0"
+                f"{key}.prony[{k}]",
+                problem,
+                "use a fraction that is at least 0 and below 1, and a time above 0",
             )
     if (total := sum(fraction for fraction, _ in given.prony or ())) >= 1:
         yield ConfigError(

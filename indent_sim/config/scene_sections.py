@@ -30,8 +30,8 @@ MAX_RTOL = 1e-9
 # two-dimensional mesh into 4096.
 MAX_REFINEMENTS = 6
 LINEAR_ELEMENTS_GONE = (
-    "linear elements were removed: with as many unknowns quadratic ones give a force ten "
-    "times as accurate"
+    "linear elements were removed: with the same number of unknowns, quadratic elements give a "
+    "force that is ten times as accurate"
 )
 # States of the load path that are written.
 KeptStates = Literal["none", "last", "all"]

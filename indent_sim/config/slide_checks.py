@@ -99,14 +99,17 @@ def _history_obstacles(config: SceneSections) -> Iterator[Obstacle]:
     yield (
         loading.prescribed_history is None,
         "is a motion in time, but the scene has no history",
-        "give loading.history or loading.force_history, or loading.slide in place of this",
+        (
+            "give loading.history or loading.force_history, or loading.slide in place of "
+            "slide_history"
+        ),
     )
     laws = [material for _, material in config.materials()]
     relaxes_as_a_whole = any(law.relaxation and law.relaxation.of == "all" for law in laws)
     yield (
         relaxes_as_a_whole,
-        "does not fit material.relaxation of all moduli, which is evaluated on the curve of force "
-        "over depth",
+        "cannot be combined with material.relaxation of all moduli, which is computed from the "
+        "curve of force over depth",
         "use material.relaxation with of: shear",
     )
     yield (
@@ -148,17 +151,23 @@ def _obstacles(config: SceneSections) -> Iterator[Obstacle]:
     )
     yield (
         isinstance(config.indenter, Plate),
-        "does not fit a plate, which covers the whole top and has no contact that moves",
+        (
+            "is not possible with a plate, which covers the whole top, so that the contact cannot "
+            "move"
+        ),
         "use another tip",
     )
     yield (
         getattr(config.indenter, "material", None) is not None,
-        "does not fit a soft tip, whose model is axisymmetric",
+        "is not possible with a soft tip, whose model is axisymmetric",
         "leave indenter.material or the slide out",
     )
     yield (
         config.experiment is not None,
-        "does not fit an experiment, which is evaluated on the curve of force over depth",
+        (
+            "cannot be combined with the section experiment, which is computed from the curve of "
+            "force over depth"
+        ),
         "leave experiment or the slide out",
     )
     yield (
@@ -168,11 +177,11 @@ def _obstacles(config: SceneSections) -> Iterator[Obstacle]:
     )
     yield (
         config.map is not None,
-        "does not fit a map, whose curves are forces over the depth",
+        "cannot be combined with the section map, whose curves are forces over the depth",
         "leave the slide out",
     )
     yield (
         config.yields,
-        "is not verified together with plasticity: a groove that the tip ploughs",
+        "is not verified together with plasticity, where the tip ploughs a groove",
         "leave plasticity or the slide out",
     )

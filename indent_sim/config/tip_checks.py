@@ -227,7 +227,7 @@ def _soft_tip_conflicts(config: SceneSections, key: str) -> Iterator[ConfigError
     reasons = (
         (
             any(material.is_time_dependent for _, material in config.materials()),
-            "needs a body that does not depend on time",
+            "needs a body whose response does not depend on time",
             "leave material.flow and relaxation of shear out",
         ),
         (
@@ -298,7 +298,10 @@ def _finite_strain_tip_conflicts(config: SceneSections, key: str) -> Iterator[Co
         ),
         (
             any(material.relaxation for material in materials),
-            "does not relax, so that the force of both bodies is no product with one relaxation",
+            (
+                "does not relax, so that the force of body and tip together does not relax like "
+                "the modulus of the body"
+            ),
             "leave material.relaxation out",
         ),
         (
@@ -328,7 +331,7 @@ def _finite_strain_tip_conflicts(config: SceneSections, key: str) -> Iterator[Co
         ),
         (
             config.output.nodal_stress,
-            "has no stress at the vertices of the body's grid",
+            "cannot be combined with stresses at the nodes",
             "leave output.nodal_stress out",
         ),
     )
@@ -394,8 +397,31 @@ def _jkr_errors(config: SceneSections, adhesion: JKRAdhesion) -> Iterator[Config
     if isinstance(tip, FlatPunch) and not tip.edge_radius and not isinstance(body, CurvedBody):
         problem = "the contact of a sharp flat punch does not shrink, but separates all at once"
         yield ConfigError(key, problem, "give the punch an edge_radius")
+    if adhesion.base_work is not None:
+        yield from _base_work_errors(config, adhesion)
     if adhesion.range and not hasattr(tip, "R"):
         problem = (
-            f"only gives the Tabor number of a tip with a radius R, but a {tip.shape} has none"
+            f"is used only for the Tabor number of a tip with a radius R, but a {tip.shape} has "
+            "none"
         )
         yield ConfigError(f"{key}.range", problem, "leave it out")
+
+
+def _base_work_errors(config: SceneSections, adhesion: JKRAdhesion) -> Iterator[ConfigError]:
+    """Yield errors of the work of adhesion between a body and the flat below it."""
+    body = config.body
+    base = getattr(body, "base", None)
+    if base != "unbonded":
+        what = f"a {body.shape} with base {base}" if base else f"a {body.shape}, which has no base"
+        problem = "is the adhesion of a body to the flat on which it rests, but the body is"
+        yield ConfigError(
+            "experiment.adhesion.base_work",
+            f"{problem} {what}",
+            "leave it out, or use a ball or an ellipsoid with body.base: unbonded",
+        )
+    elif adhesion.range is not None:
+        yield ConfigError(
+            "experiment.adhesion.range",
+            "gives the Tabor number of one contact, but this body has two",
+            "leave it out",
+        )

@@ -45,7 +45,10 @@ def _obstacles(config: SceneSections) -> Iterator[tuple[bool, str, str]]:
     )
     yield (
         loading.slide is not None,
-        "does not fit loading.slide: both follow the last of the prescribed depths or forces",
+        (
+            "cannot be combined with loading.slide: both follow the last of the prescribed depths "
+            "or forces"
+        ),
         "leave one of them out",
     )
     yield (
@@ -55,12 +58,15 @@ def _obstacles(config: SceneSections) -> Iterator[tuple[bool, str, str]]:
     )
     yield (
         config.experiment is not None,
-        "does not fit an experiment, which is evaluated on the curve of force over depth",
+        (
+            "cannot be combined with the section experiment, which is computed from the curve of "
+            "force over depth"
+        ),
         "leave experiment or loading.unload out",
     )
     yield (
         config.map is not None,
-        "does not fit a map, whose curves are forces over the depth",
+        "cannot be combined with the section map, whose curves are forces over the depth",
         "leave loading.unload out",
     )
     last_value = _last_value(loading)

@@ -271,7 +271,7 @@ def _fit_and_assess(
     if request.curve_part == "both" and is_time_dependent(config):
         raise ConfigError(
             "--segment both",
-            "leaves out the hold, which the force of a time-dependent material depends on",
+            "leaves out the hold, on which the later force of a time-dependent material depends",
             "give --segment all",
         )
     if is_time_dependent(config) and samples.t is None:
@@ -404,12 +404,13 @@ def fit_loop(
         raise ConfigError(
             f"--segment {request.curve_part}",
             "is not a loop of a body that yields",
-            "give --segment both (loading and unloading), or approach for one parameter",
+            "give --segment both (loading and unloading), or --segment approach to fit one "
+            "parameter",
         )
     if request.curve_part == "approach" and len(request.varied_keys) > 1:
         raise ConfigError(
             "--segment approach",
-            "loading of a cone is one number, F/h^2, which does not determine "
+            "the loading curve of a cone gives only one number, F/h^2, which does not determine "
             f"{' and '.join(request.varied_keys)}",
             "give --segment both, or vary one key",
         )
@@ -427,8 +428,9 @@ def reject_outside_range(estimate: Estimate) -> None:
     low, high = forward_model.ratio_bounds
     if not low < ratio < high:
         raise FitRejected(
-            f"E/yield_stress = {ratio:.3g} is outside the range of {low:g} to {high:g} in which "
-            "loops are tabulated: check units, half angle and frame compliance"
+            f"E/yield_stress = {ratio:.3g} is outside the range of {low:g} to {high:g} for "
+            "which loading and unloading are tabulated: check units, half angle and frame "
+            "compliance"
         )
 
 
@@ -522,12 +524,13 @@ def prepare_curve(curve: MeasuredCurve, request: FitRequest) -> tuple[Config, Sa
         curve = curve.reinterpret_depth()
         guesses.append(
             "the file does not name the quantity in its column of lengths, and the scene has a "
-            "spring: it is taken as the displacement of the base; if it is the depth, say so, "
-            "as in --columns depth=1,force=2"
+            "spring: the column is taken as the displacement of the base; if it contains the "
+            "depth, name it, as in --columns depth=1,force=2"
         )
     elif curve.is_abscissa_guessed:
         guesses.append(
-            "the file does not name the quantity in its column of lengths: it is taken as the depth"
+            "the file does not name the quantity in its column of lengths: the column is taken "
+            "as the depth"
         )
     notes = [*curve.notes, *guesses]
     stiffness = curve.stiffness
@@ -879,8 +882,8 @@ def _warnings(assessment: ModelAssessment) -> list[str]:
         )
     if estimate.p[-1] > STEEP_BASELINE * estimate.max_force:
         hint = (
-            "if the curve begins in contact it has no baseline and the modulus is wrong; fix what "
-            "is known by --no-slope or --contact-point"
+            "if the curve begins in contact it has no baseline and the modulus is wrong; give "
+            "what is known with --no-slope or --contact-point"
         )
         messages.append(
             f"the baseline rises by {100 * estimate.p[-1] / estimate.max_force:.0f} % of the "

@@ -136,7 +136,10 @@ class Design:
             for key, ratio in wide_ratios
         ]
         return " ".join(
-            [*sentences, f"A baseline of {self.baseline:g} depths before contact is enough."]
+            [
+                *sentences,
+                f"A baseline before contact of {self.baseline:g} times the depth is long enough.",
+            ]
         )
 
 

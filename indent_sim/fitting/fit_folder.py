@@ -28,7 +28,7 @@ from indent_sim.fitting.curve_fit import (
     rejected_fit,
     request_identity,
 )
-from indent_sim.fitting.forward_model.cone_loop import HARDENING_KEY
+from indent_sim.fitting.forward_model.cone_loop import HARDENING_KEY, refuse_other_scenes
 from indent_sim.fitting.forward_model.forward_model_cache import ForwardModelCache
 from indent_sim.fitting.forward_model.parameters import number_at
 from indent_sim.fitting.inference.model_assessment import Interval
@@ -188,6 +188,8 @@ def fit_curves(
     tell_cost(request, tell)
     if request.other_tips:
         scenes_of_tips(request)
+        if jobs > 1:
+            raise UsageError("--jobs: the curves of several tips are one fit", "leave it out")
     with open_locked(directory, request_identity(request)) as earlier_entries:
         writer = _Writer(directory, request, earlier_entries)
         try:
@@ -229,9 +231,10 @@ def fit_files(folder: Path) -> tuple[str, ...]:
 def tell_cost(request: FitRequest, tell: ReportLine) -> None:
     """Report that the forces of the scene come from finite elements, and how long a run takes.
 
-    Raises ConfigError if the scene is not valid.
+    Raises ConfigError if the scene is not valid, or has no such forces.
     """
     if request.config.yields:
+        refuse_other_scenes(request.config, tuple(request.varied_keys))
         return tell(loop_cost(request.varied_keys, 1 + len(request.other_tips)))
     planned_run = PlannedRun.resolve(request.config)
     if not planned_run.scene.is_meshed:
@@ -478,7 +481,8 @@ def _fit_tips_together(tasks: Sequence[Any], request: FitRequest) -> list[Entry]
     count = 1 + len(request.other_tips)
     if len(tasks) != count:
         raise UsageError(
-            f"{len(tasks)} curves to fit, but the scene and --other-tip are {count} tips",
+            f"the scene and --other-tip are {count} tips, and {len(tasks)} of the curves have no "
+            "fit yet",
             "give one curve for each tip, the one of the scene first, and a new --output",
         )
     if unread := [task for task in tasks if not isinstance(task, _FitTask)]:

@@ -175,8 +175,8 @@ def _single_curve_tables(entry: Entry) -> Iterator[Table]:
     rows = [[result["name"], result["p"], *_model_cells(result)] for result in entry["models"]]
     if rows:
         models_note = (
-            "Each model is fitted in place of the scene; p: the probability that it is better by "
-            "as much by chance."
+            "Each model is fitted in place of the scene; p is the probability that it fits "
+            "better by this much merely by chance."
         )
         yield Table(
             "Other models",
@@ -187,7 +187,10 @@ def _single_curve_tables(entry: Entry) -> Iterator[Table]:
     residual_rows = [
         [name.replace("_", " "), value_text(value)] for name, value in entry["residual"].items()
     ]
-    residual_note = "p: the probability of such residuals by chance; the correlation is in samples."
+    residual_note = (
+        "p is the probability that such residuals occur by chance; the correlation length "
+        "is in samples."
+    )
     yield Table("Residuals of the fit", ["quantity", "value"], residual_rows, residual_note)
 
 

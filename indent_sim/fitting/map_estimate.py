@@ -127,7 +127,7 @@ def fit_map(
     thicknesses = _set_thickness(passes, scene, thickness)
     passes.run(FITTED_WITH_NOISE, progress.noise)
     noise = progress.noise
-    map_fit = _map_fit(scene, fitter.fits, noise, thicknesses)
+    map_fit = map_fit_of_curves(scene, fitter.fits, noise, thicknesses)
     sample = _fit_sample(passes, scene, thicknesses, tables)
     entry = _entry(scene, map_fit, fitter.fits, sample, cpu_time() - start_time)
     return replace(map_fit, entry=entry), [fit for _, fit in sample]
@@ -242,7 +242,8 @@ def _is_bare_base(fitter: MapFitter, scene: MapScene) -> np.ndarray:
     if not scene.forward_model.experiment.compliance:
         raise ConfigError(
             "--thickness",
-            "the bare base is known by the deflection of a cantilever, and the scene has none",
+            "pixels of bare base are recognised by the deflection of a cantilever, but the "
+            "scene has none",
             "give experiment.cantilever, or another --thickness",
         )
     # Depth of a rigid body, over the displacement of the cantilever's base.
@@ -254,10 +255,22 @@ def _is_bare_base(fitter: MapFitter, scene: MapScene) -> np.ndarray:
     return is_base
 
 
-def _map_fit(
+def map_fit_of_curves(
     scene: MapScene, fits: PixelFits, noise: PooledNoise, thicknesses: np.ndarray | None
 ) -> MapFit:
-    """Return values and stated intervals, and reject curves with wide intervals."""
+    """Return values and stated intervals, and reject curves with wide intervals.
+
+    Parameters
+    ----------
+    scene
+        The map.
+    fits
+        Fits of its curves.
+    noise
+        Noise of the map.
+    thicknesses
+        Thickness of each curve (N,) [length], if it differs.
+    """
     request = scene.request
     image = scene.curves.image
     parameter = scene.forward_model.parameters[0]
@@ -487,7 +500,8 @@ def _warnings(scene: MapScene, map_fit: MapFit, record: dict[str, Any]) -> list[
     if map_fit.noise.baseline_samples < 0.25 * length:
         messages.append(
             f"the noise is estimated from baselines of {map_fit.noise.baseline_samples} samples, "
-            f"and the fits have {length:.0f}: intervals may be too narrow if the noise is slow"
+            f"and the fits have {length:.0f}: if the noise varies slowly, intervals may be too "
+            "narrow"
         )
     return messages
 

@@ -68,6 +68,11 @@ MAP_TOLERANCE = 1e-6
 # The same for fits to a part of the depth: some hundredths of a standard deviation.
 DEPTH_RANGE_TOLERANCE = 1e-5
 
+# Largest number of steps by ordinary least squares. Only noise without a contact needs more.
+INITIAL_ROUNDS = 12
+# Damping of the first step of a fit that begins at the solution for other weights or samples.
+NEARLY_UNDAMPED = 1e-6
+
 REASONS = (
     "",
     "not a curve: a number is missing",
@@ -396,7 +401,9 @@ class MapFitter:
             return
         samples = samples.select_curves(is_rising)
         model = model.select(np.flatnonzero(is_rising))
-        p, squares = minimize_squares(model, p[is_rising], WHITE, tolerance=MAP_TOLERANCE)
+        p, squares = minimize_squares(
+            model, p[is_rising], WHITE, INITIAL_ROUNDS, tolerance=MAP_TOLERANCE
+        )
         self.fits.reason[curves[~np.isfinite(squares)]] = NO_FIT
         for column, values in zip(
             ("theta", "contact_point", "level", "slope"),
@@ -536,7 +543,7 @@ def _fit_weighted(
     """Fit curves with the weights W, and compute the covariance for the noise V itself."""
     n = model.samples.x.shape[-1]
     metric = noise.metric(n)
-    p, _ = minimize_squares(model, p, metric, tolerance=tolerance)
+    p, _ = minimize_squares(model, p, metric, tolerance=tolerance, initial_damping=NEARLY_UNDAMPED)
     rows = model.linearize(p)
     J = rows[:, :-1]
     norms = np.sqrt((J * J).sum(axis=-1))

@@ -245,10 +245,16 @@ def _cell(value: float) -> str:
     return f"{value:.7g}" if math.isfinite(value) else ""
 
 
+def has_ended(report: Mapping[str, Any]) -> bool:
+    """Return False if fit.json is that of a map whose fit is running, interrupted or killed."""
+    is_running = report.get("status") in ("running", "interrupted")
+    return not (is_running and "source" in report)
+
+
 def read_map(folder: Path) -> MapFit:
     """Return the map of a folder; raise UsageError if it has no readable map."""
     entry = read_report(folder, FIT)
-    if entry.get("status") in ("running", "interrupted") and "source" in entry:
+    if not has_ended(entry):
         raise UsageError(
             f"{folder}: the fit of this map has not ended",
             "call `indent-sim fit` again with the same options, which continues it",

@@ -62,7 +62,10 @@ def map_figure(map_fit: MapFit, config: Config, panels: Sequence[str] = ()) -> I
         subtitle = f"varied: {map_fit.key}"
         if fitted < map_fit.value.size:
             subtitle += "  ·  grey: no value"
-        figures.draw_title(figure, f"{fitted} of {curves} curves fitted{refused}", subtitle)
+        left = map_fit.entry.get("left", 0)
+        waiting = f", {left} not yet" if left else ""
+        title = f"{fitted} of {curves + left} curves fitted{refused}{waiting}"
+        figures.draw_title(figure, title, subtitle)
         yield figure
 
 

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.fitting import fit_picture
 from indent_sim.fitting.curve_fit import (
     CurveFit,
@@ -20,12 +19,11 @@ from indent_sim.fitting.curve_fit import (
 )
 from indent_sim.fitting.forward_model.forward_model_cache import ForwardModelCache
 from indent_sim.fitting.forward_model.parameters import replace_numbers
-from indent_sim.fitting.inference.estimate import OriginOptions
 from indent_sim.fitting.inference.model_assessment import Interval
 from indent_sim.fitting.map_folder import read_map
 from indent_sim.fitting.map_result import MapFit
 from indent_sim.fitting.map_scene import HEIGHT_KEY
-from indent_sim.fitting.map_source import source_of_record
+from indent_sim.fitting.map_source import request_of_record, source_of_record
 from indent_sim.process.errors import UsageError
 from indent_sim.results.measured.measurement import MeasuredCurve, NoCurve
 
@@ -76,10 +74,12 @@ def fit_pixel(folder: Path, row: int, column: int) -> MapPixel:
         )
     if "source" not in map_fit.entry:
         raise UsageError(
-            f"{folder} does not name the file of its curves", "fit the map again", str(folder)
+            f"{folder} does not state from which file its curves were read",
+            "fit the map again",
+            str(folder),
         )
     source = source_of_record(map_fit.entry["source"])
-    request = _request_of_record(map_fit.entry["request"], map_fit, row, column)
+    request = _request_of_pixel(map_fit.entry["request"], map_fit, row, column)
     curves = source.open(request)
     index = curves.index_of(row, column)
     if index is None:
@@ -94,20 +94,15 @@ def fit_pixel(folder: Path, row: int, column: int) -> MapPixel:
     return MapPixel(curve, request, fit, _map_result(map_fit, request, row, column))
 
 
-def _request_of_record(
+def _request_of_pixel(
     record: Mapping[str, Any], map_fit: MapFit, row: int, column: int
 ) -> FitRequest:
     """Return the settings of the fit of a pixel, with its thickness."""
-    config = config_from_mapping(record["scene"])
-    if map_fit.thickness is not None and np.isfinite(map_fit.thickness[row, column]):
-        config = replace_numbers(config, {HEIGHT_KEY: float(map_fit.thickness[row, column])})
-    return FitRequest(
-        config,
-        tuple(record["vary"]),
-        record["part"],
-        OriginOptions(**record["origin"]),
-        record["models"],
-    )
+    request = request_of_record(record)
+    if map_fit.thickness is None or not np.isfinite(map_fit.thickness[row, column]):
+        return request
+    thickness = float(map_fit.thickness[row, column])
+    return replace(request, config=replace_numbers(request.config, {HEIGHT_KEY: thickness}))
 
 
 def _map_result(map_fit: MapFit, request: FitRequest, row: int, column: int) -> str:

@@ -83,7 +83,12 @@ class MapProgress:
             self._stages = stages
             self.noise = PooledNoise.from_record(noise) if noise else None
             self.sample = {int(k): self._read_curve_fit(entry) for k, entry in sample.items()}
-        return sum(len(block) for block in self._blocks_at(fitter, FITTED_WITH_NOISE))
+        return int(np.count_nonzero(self.is_finished(fitter)))
+
+    def is_finished(self, fitter: MapFitter) -> np.ndarray:
+        """Return for each curve (N,) whether it is fitted with the noise of the map."""
+        sizes = [len(block) for block in fitter.blocks]
+        return np.repeat(self._stages >= FITTED_WITH_NOISE, sizes)
 
     def unfinished(self, fitter: MapFitter, stage: int) -> list[np.ndarray]:
         """Return the blocks that have not reached a stage."""
@@ -166,7 +171,3 @@ class MapProgress:
     @property
     def _identity(self) -> str:
         return to_json({"version": VERSION} | self._header, indent=None)
-
-    def _blocks_at(self, fitter: MapFitter, stage: int) -> list[np.ndarray]:
-        pairs = zip(fitter.blocks, self._stages, strict=True)
-        return [block for block, reached in pairs if reached >= stage]

@@ -146,10 +146,11 @@ def plan_map(curves: MeasuredMap, request: FitRequest, tables: ForwardModelCache
 
 
 def largest_depth(depths: np.ndarray, percentile: float) -> float:
-    """Return the largest depth of a map [length], up to which load curves are solved.
+    """Return the depth [length] up to which load curves are solved for a map.
 
-    A curve without a contact that is not recognised as such may seem to have any depth, even more
-    than the thickness of the body. Therefore depths above 1.5 times a percentile are ignored.
+    It is the largest depth of the curves of the map, but at most 1.5 times the given percentile: a
+    curve that never touches the body, if this is not noticed, may seem to have any depth, even more
+    than the thickness of the body.
     """
     max_ratio = 1.5
     return float(min(np.nanmax(depths), max_ratio * np.nanpercentile(depths, percentile)))

@@ -9,8 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.fitting.curve_fit import FitRequest, cantilever_stiffness_si
 from indent_sim.fitting.fit_folder import ReadOptions
+from indent_sim.fitting.inference.estimate import OriginOptions
 from indent_sim.fitting.inference.pooled_noise import MIN_BASELINES
 from indent_sim.process.errors import UsageError
 from indent_sim.results.measured.curve_file import curve_files, read_curves
@@ -100,6 +102,17 @@ def source_of_record(record: Mapping[str, Any]) -> MapSource:
     return source
 
 
+def request_of_record(record: Mapping[str, Any]) -> FitRequest:
+    """Return the settings of a fit that `request_identity` has described."""
+    return FitRequest(
+        config_from_mapping(record["scene"]),
+        tuple(record["vary"]),
+        record["part"],
+        OriginOptions(**record["origin"]),
+        record["models"],
+    )
+
+
 def find_map(source: MapSource, request: FitRequest, choice: bool | None) -> MeasuredMap | None:
     """Return the map that is to be fitted; None if curves are to be fitted one by one.
 
@@ -169,7 +182,7 @@ def _select_rows(curves: MeasuredMap, rows: tuple[int, int]) -> MeasuredMap:
     if rows[1] > curves.shape[0]:
         raise UsageError(
             f"--rows {rows[0]}:{rows[1]}: the map has the rows 0:{curves.shape[0]}",
-            "the row behind the colon is the first one that is left out",
+            "the number after the colon is the first row that is left out",
         )
     return curves.select_rows(*rows)
 

@@ -59,7 +59,8 @@ def heights_above_base(places: np.ndarray, heights: np.ndarray, is_base: np.ndar
     plane, _, rank, _ = np.linalg.lstsq(columns[used], heights[used], rcond=None)
     if rank < columns.shape[1]:
         raise UsageError(
-            f"the plane of the base cannot be fitted: the base is bare in {used.sum()} pixels",
+            "the plane of the base cannot be fitted: the number of pixels with bare base is "
+            f"{used.sum()} pixels",
             "give --thickness height:MEAN or a file",
         )
     above: np.ndarray = heights - columns @ plane

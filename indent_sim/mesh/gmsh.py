@@ -64,12 +64,13 @@ def mesh_domain(domain: ModelDomain, sizes: Sizes) -> Grid:
     for factor in size_factors:
         if _can_be_meshed(domain, replace(sizes, h_contact=factor * sizes.h_contact)):
             raise MeshError(
-                f"{message}; a mesh.h_contact {factor:g} times as large was tried and can be meshed"
+                f"{message}; a mesh.h_contact {factor:g} times as large was tried, with which "
+                "the body can be meshed"
             )
     factors = " and ".join(f"{factor:g}" for factor in size_factors)
     raise MeshError(
-        f"{message}; a mesh.h_contact {factors} times as large was tried "
-        "and cannot be meshed either"
+        f"{message}; a mesh.h_contact {factors} times as large was tried, with which the body "
+        "cannot be meshed either"
     )
 
 

@@ -20,11 +20,13 @@ Compliance = Annotated[float, Ge(0), Unit("length/force")]
 class JKRAdhesion:
     """Adhesion without range (JKR), defined by the work of adhesion.
 
-    A range is only used to compute the parameters of Tabor and Maugis.
+    A range is only used to compute the parameters of Tabor and Maugis. `base_work` is the work of
+    adhesion between a body that rests on a flat and this flat; `work` is that between tip and body.
     """
 
     work: Work
     range: Length | None = None
+    base_work: Work | None = None
 
 
 @dataclass(frozen=True)

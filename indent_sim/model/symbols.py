@@ -254,6 +254,8 @@ unbalanced [length^3]: error of the fluid balance; zero in equilibrium
 ## Experiment
 adhesion: attraction of tip and body: in `contact` with a range, in `experiment` without one
 work [energy/length^2] $w$: work of adhesion: the energy that separates a unit of area
+base_work [energy/length^2] $w_b$: work of adhesion between a body that rests on a flat
+  (`body.base: unbonded`) and the flat; `work` is that between tip and body
 range [length]: gap over which the attraction falls by the factor e; in `experiment` it is used for
   the Tabor number alone
 cantilever: cantilever spring that holds the tip

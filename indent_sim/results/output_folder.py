@@ -213,8 +213,8 @@ class OutputFolder:
             unused = path == self.path and not path.is_symlink() and folder_kind(path) == "nothing"
             if os.path.lexists(path) and not (is_own_folder(path) or unused):
                 raise UsageError(
-                    f"{path} is needed for a temporary folder, but was not made by {PROGRAM}; "
-                    "choose another --output"
+                    f"{path} is the place of a temporary folder, but it exists and was not made "
+                    f"by {PROGRAM}; choose another --output"
                 )
 
     def _refuse_target(self) -> None:

@@ -119,7 +119,7 @@ def scene_differences(
     if old_options.get("error_bars") and not (
         new_options.get("error_bars") or new_values["accuracy"]
     ):
-        differences.append("it has error bars, but --error-bars is not given now")
+        differences.append("it has error bars, but the new run has no --error-bars")
     return differences
 
 

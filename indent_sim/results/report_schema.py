@@ -103,7 +103,13 @@ def _report_schema() -> TypeAdapter[Report]:
         adhesion=GenericAlias(dict, (str, OptionalNumber | force_point)) | None,
         experiment=_mapping_type(
             by=str,
-            adhesion=_mapping_type(pull_off=GenericAlias(dict, (str, force_point)) | None) | None,
+            adhesion=_mapping_type(
+                pull_off=GenericAlias(dict, (str, force_point)) | None,
+                lost_contact=str,
+                series_error=Number,
+                words=str,
+            )
+            | None,
         )
         | None,
         mesh=_mapping_type(hash=str) | None,
@@ -153,7 +159,7 @@ def _damaged_report(folder: Path, why: str) -> UsageError:
 def _check_theory(theory: Report) -> None:
     """Check relations between entries of `theory` that the schema cannot express."""
     if theory and theory.get("delta_deviation", theory.get("force_deviation")) is None:
-        raise ValueError("the entry theory has no deviation of the run")
+        raise ValueError("the entry theory lacks the deviation of the run from theory")
     half_space = theory.get("half_space")
     computed = "delta" if "delta_deviation" in theory else "force"
     for formula in filter(None, [half_space, *theory.get("formulas", [])]):

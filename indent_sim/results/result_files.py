@@ -225,12 +225,16 @@ def refuse_links(folder: Path) -> None:
     """
     fields = folder / FIELDS_FOLDER
     if os.path.lexists(fields) and (fields.is_symlink() or not fields.is_dir()):
-        raise UsageError(f"{fields} is a link or not a folder, and is not written")
+        raise UsageError(
+            f"{fields} is a link, or is not a folder, so that nothing is written to it"
+        )
     for path in [*(folder / name for name in sorted(RESULT_FILES | {LOCK})), *field_files(fields)]:
         with suppress(FileNotFoundError):
             file_status = path.lstat()
             if not stat.S_ISREG(file_status.st_mode) or file_status.st_nlink > 1:
-                raise UsageError(f"{path} is a link or not a file, and is not written")
+                raise UsageError(
+                    f"{path} is a link, or is not a file, so that nothing is written to it"
+                )
 
 
 def has_rows(folder: Path) -> bool:

@@ -276,6 +276,9 @@ def _pull_off_sentences(results: Results) -> list[str]:
     ).items():
         place = f"force {point['force']:.5g} {force} at delta {point['delta']:.5g} {length}"
         sentences.append(f"Pull-off under {control.replace('_', ' ')}: {place}.")
+    adhesion = _report_section(results.report, "experiment", "adhesion")
+    if words := adhesion.get("words"):
+        sentences.append(f"{words[0].upper()}{words[1:]}.")
     return sentences
 
 

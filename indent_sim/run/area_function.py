@@ -198,7 +198,8 @@ def _factors(path: Path, layout: TextLayout, units: Mapping[str, str]) -> tuple[
     if not (depth_unit and area_unit and units.get("length")):
         raise UsageError(
             f"{path}: the unit of depth is '{depth_unit}', that of area '{area_unit}', and the "
-            f"length of the curve has '{units.get('length', '')}'; all three or none must have one",
+            f"length of the curve has '{units.get('length', '')}'; either all three or none of "
+            "them must have a unit",
             "write titles such as 'depth [nm],area [nm^2]'",
             str(path),
         )

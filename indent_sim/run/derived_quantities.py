@@ -13,11 +13,14 @@ from indent_sim.scene.half_space_formulas import half_space_force
 from indent_sim.scene.reference_theory import relative_tip
 from indent_sim.scene.scene import Scene
 from indent_sim.scene.tip_theories import theory_tip_shape
+from indent_sim.theory.contacts_in_series import ContactsInSeries
 from indent_sim.theory.punches import FittedPunches, LayerPunches, Punches, contact_radius
 from indent_sim.theory.solution import SOLUTION_ERRORS
 
 # The equilibrium of `fe` that has just been solved; `fe` is loaded only to solve a mesh.
 Equilibrium = Any
+# Punches of both contacts of a body that rests on a flat, `fe.condensed.flat_punches.BothContacts`.
+BothContacts = Any
 
 
 class DerivedQuantities:
@@ -153,8 +156,35 @@ def punches_of(scene: Scene, equilibrium: Equilibrium = None) -> Punches:
         or physics.domain.kinematics.name != "axisymmetric"
     ):
         raise ValueError("the contact is not a circle that grows with the load")
+    if physics.domain.rests_on_flat:
+        raise ValueError("the body has two contacts, each with a radius of its own")
     a, K, P = equilibrium.punches()
     return FittedPunches(a, K, P, shape, physics.contact_modulus)
+
+
+def fit_both_contacts(scene: Scene, both_contacts: BothContacts) -> tuple[Punches, Punches]:
+    """Return the flat punches of tip and flat on a body that rests on the flat.
+
+    Parameters
+    ----------
+    scene
+        The scene.
+    both_contacts
+        The punches on the mesh.
+
+    Raises
+    ------
+    ValueError
+        If there is no theory of two contacts, or if one of them has too few elements.
+    """
+    theory = scene.plan.theory
+    if theory is None or not isinstance(theory.contact, ContactsInSeries):
+        raise ValueError("the theory has no profile of this tip on this body")
+    a, K, P = both_contacts.upper
+    physics = scene.physics
+    upper = FittedPunches(a, K, P, theory.contact.upper.tip, physics.contact_modulus)
+    a, K, P = both_contacts.lower
+    return upper, FittedPunches(a, K, P, theory.contact.lower.tip, physics.material.E_star)
 
 
 def hertz_forces(scene: Scene, deltas: Iterable[float]) -> list[float | None]:

@@ -317,7 +317,7 @@ def analyse(path: Path, options: HardnessOptions) -> Hardness:
         assumptions,
         tuple(warnings),
         truth,
-        _formula_error(truth),
+        _formula_error(truth, is_layered=curve.scene is not None and len(curve.scene.layers) > 1),
     )
 
 
@@ -385,7 +385,9 @@ def _simulated_curve(path: Path, options: HardnessOptions) -> _TestCurve:
     with incomplete rows, and if the options give columns or units.
     """
     if options.columns or options.units:
-        raise UsageError("--columns and --units are for text files, and a result has both")
+        raise UsageError(
+            "--columns and --units are for text files only, since a result states both"
+        )
     results = read(path)
     folder = path if path.is_dir() else path.parent
     scene = scene_of(folder) or options.scene
@@ -563,7 +565,7 @@ def _poisson_ratio(curve: _TestCurve, options: HardnessOptions) -> tuple[float, 
     if material := _material_below_tip(curve.scene):
         nu = float(material.constants.nu)
         return nu, f"{nu:g}, of the scene"
-    change = "E_IT is 5.5 % larger for 0.2 and 7.7 % smaller for 0.4"
+    change = "E_IT would be 5.5 % larger with nu = 0.2 and 7.7 % smaller with nu = 0.4"
     return ASSUMED_NU, f"{ASSUMED_NU:g} is assumed; give --nu or --scene ({change})"
 
 
@@ -755,8 +757,8 @@ def _works(cycle: IndentationCycle, fit: UnloadingFit) -> tuple[dict[str, Work |
         # The error of the work below is unknown; half of this work is taken as its bound.
         elastic = Work(cycle.unloading_work.value + below, cycle.unloading_work.error + 0.5 * below)
         warnings.append(
-            f"unloading ends at {last:.1%} of the largest force; the work below is that of the "
-            "power law"
+            f"unloading ends at {last:.1%} of the largest force; the work below this force is "
+            "computed from the power law"
         )
     if total is None:
         warnings.append("W_total and eta_IT are not known: the curve does not begin at zero force")
@@ -800,8 +802,9 @@ def _fit_warnings(cycle: IndentationCycle, fit: UnloadingFit) -> list[str]:
     largest_misfit = 0.01
     if fit.residual > largest_misfit * cycle.F_max and fit.residual > 2 * noise:
         return [
-            f"the power law misses the samples of unloading by {fit.residual / cycle.F_max:.1%} of "
-            "the largest force: S and all that follows from it are doubtful"
+            "the power law differs from the samples of unloading by "
+            f"{fit.residual / cycle.F_max:.1%} of the largest force: S and all that follows from "
+            "it are doubtful"
         ]
     return []
 
@@ -838,7 +841,7 @@ def _pile_up_warnings(fit: UnloadingFit) -> list[str]:
 
 
 def _tip_rounding_warnings(curve: _TestCurve, area: AreaFunction, h_c: float) -> list[str]:
-    """Return a warning if the rounded apex of a usual pyramid would change the area."""
+    """Return a warning if the apex of a worn pyramid (150 nm) increases the area by 1 % or more."""
     if not curve.has_units or curve.results is not None or area.tip not in (Berkovich(), Vickers()):
         return []
     # Apex radius [m] of a pyramid that has been used for a while.
@@ -892,15 +895,21 @@ def _truth(
     }
 
 
-def _formula_error(truth: Mapping[str, Mapping[str, float]]) -> str:
-    """Return a sentence on the errors of the formulas for area, hardness and modulus, or ""."""
-    quantities = {"A_p": "the contact area", "H_IT": "the hardness", "E_IT": "the modulus"}
+def _formula_error(truth: Mapping[str, Mapping[str, float]], *, is_layered: bool) -> str:
+    """Return a sentence on the errors of the formulas for area, hardness and modulus, or "".
+
+    In a layered body the modulus is that of the first layer, and its error includes the effect of
+    the other layers.
+    """
+    modulus = "the modulus of the first layer" if is_layered else "the modulus"
+    quantities = {"A_p": "the contact area", "H_IT": "the hardness", "E_IT": modulus}
     errors = [
         f"{words} {abs(percent):.1f} % too {'large' if percent > 0 else 'small'}"
         for name, words in quantities.items()
         if name in truth and abs(percent := 100 * (truth[name]["ratio"] - 1)) >= 0.05
     ]
-    return f"for this material the formulas give {join_words(errors, 'and')}" if errors else ""
+    subject = "layered body" if is_layered else "material"
+    return f"for this {subject} the formulas give {join_words(errors, 'and')}" if errors else ""
 
 
 def _entry(table: Mapping[str, np.ndarray], row: int, *columns: str) -> float:

@@ -16,19 +16,25 @@ from indent_sim.model.history import History, branch_of
 from indent_sim.model.relaxation import Relaxation
 from indent_sim.model.units import Scales
 from indent_sim.process.errors import NotConverged
-from indent_sim.run.derived_quantities import Equilibrium, punches_of
+from indent_sim.run.derived_quantities import (
+    BothContacts,
+    Equilibrium,
+    fit_both_contacts,
+    punches_of,
+)
 from indent_sim.run.measured_constants import EDGE_SHIFT, MIN_PULL_OFF_ERROR
 from indent_sim.scene.prescribed_history import needs_time_stepping, remaining_modulus_fraction
 from indent_sim.scene.reference_theory import relative_tip
 from indent_sim.scene.scene import Scene
 from indent_sim.scene.tip_theories import theory_tip_shape
 from indent_sim.theory.adhesion import AdhesiveContact, Jkr
+from indent_sim.theory.adhesion_in_series import JkrInSeries
 from indent_sim.theory.contact_curve import ContactCurve
 from indent_sim.theory.elastic_curve import MIN_CURVE_SAMPLES, ElasticCurve
 from indent_sim.theory.layer import Layer
 from indent_sim.theory.lee_radok_ting import LeeRadokTing, Response
 from indent_sim.theory.maugis import maugis_lambda, maugis_pull_off, tabor_number
-from indent_sim.theory.punches import FittedPunches, Punches, contact_radius
+from indent_sim.theory.punches import Punches, contact_radius
 from indent_sim.theory.relaxation_function import Modulus, PowerLaw, ShearRelaxation
 from indent_sim.theory.solution import SOLUTION_ERRORS
 from indent_sim.theory.surface_contact import RelaxingSurface, layer_surface
@@ -57,6 +63,7 @@ class HistoryRow:
     force: float
     a: float
     branch: str
+    a_base: float | None = None
     calibration_error: float | None = None
 
 
@@ -102,6 +109,7 @@ class HistoryResult:
             "delta": depth,
             "force": force,
             "a": scales.length,
+            "a_base": scales.length,
             "calibration_error": force,
         }
         units |= {
@@ -192,6 +200,8 @@ class _HistoryEvaluation:
         )
         self.warnings: list[str] = []
         self._curves: dict[float, ElasticCurve] = {}
+        # Punches of tip and flat on a body that adheres to a flat, once `jkr` is computed
+        self._both_contacts: BothContacts = None
 
     @cached_property
     def punches(self) -> Punches:
@@ -202,7 +212,19 @@ class _HistoryEvaluation:
     def jkr(self) -> Jkr | None:
         """The adhesive contact of the tip; None without adhesion."""
         adhesion = self.experiment.adhesion
-        return Jkr(self.punches, adhesion.work) if adhesion else None
+        if adhesion is None:
+            return None
+        if adhesion.base_work is None:
+            return Jkr(self.punches, adhesion.work)
+        # The distributions of the forces on both contacts are those of the deepest one.
+        self._solve_depth(self._equilibrium, self.max_depth, self.max_depth)
+        self._both_contacts = self._equilibrium.both_contacts()
+        upper, lower = fit_both_contacts(self.scene, self._both_contacts)
+        return JkrInSeries(
+            Jkr(upper, adhesion.work),
+            Jkr(lower, adhesion.base_work),
+            self._both_contacts.shared_compliance,
+        )
 
     def elastic_curve(self, top: float) -> ElasticCurve:
         """The elastic curve up to a depth, computed once."""
@@ -448,15 +470,21 @@ class _HistoryEvaluation:
         pull_off = jkr.pull_off(self.compliance)
         deepest_contact = jkr.stable_equilibrium(self.max_depth)
         assert deepest_contact is not None
-        smallest_radius = max(1.001 * self.punches.min_radius, 0.02 * pull_off.a)
+        smallest_radius = max(1.001 * jkr.punches.min_radius, 0.02 * pull_off.a)
         radii = smallest_radius * (deepest_contact.a / smallest_radius) ** np.linspace(
             0.0, 1.0, CURVE_POINTS
         )
+        contacts = [jkr.equilibrium_at(float(a)) for a in radii]
+        rows = [
+            self._make_row(nan, contact, "stable" if contact.a >= pull_off.a else "unstable")
+            for contact in contacts
+        ]
+        if not isinstance(jkr, JkrInSeries):
+            return rows
+        both_radii = map(jkr.radii, contacts)
         return [
-            self._make_row(
-                nan, jkr.equilibrium_at(float(a)), "stable" if a >= pull_off.a else "unstable"
-            )
-            for a in radii
+            replace(row, a=a, a_base=a_base)
+            for row, (a, a_base) in zip(rows, both_radii, strict=True)
         ]
 
     def _jkr_history_rows(self, jkr: Jkr, history: History) -> list[HistoryRow]:
@@ -475,7 +503,7 @@ class _HistoryEvaluation:
             t = instant.t
             value = instant.value
             branch = instant.branch
-            is_touching = value > pull_off_value if is_touching else value >= 0.0
+            is_touching = value > pull_off_value if is_touching else value >= jkr.first_contact
             contact = stable(value) if is_touching else None
             separated = (
                 HistoryRow(t, nan, nan, value, 0.0, branch)
@@ -499,10 +527,9 @@ class _HistoryEvaluation:
             "depth_control": _contact_entry(by_depth),
         }
         # The depth of the largest tensile force has an error if it comes from a mesh.
-        if isinstance(self.punches, FittedPunches):
+        if neighbours := jkr.neighbouring_fits:
             depth_differences = (
-                abs(Jkr(neighbour, jkr.work).pull_off(inf).delta - by_force.delta)
-                for neighbour in self.punches.neighbouring_fits
+                abs(neighbour.pull_off(inf).delta - by_force.delta) for neighbour in neighbours
             )
             pull_offs["force_control"]["delta_error"] = max(
                 2 * max(depth_differences), MIN_PULL_OFF_ERROR * abs(by_depth.delta)
@@ -510,18 +537,59 @@ class _HistoryEvaluation:
         report: dict[str, Any] = {
             "adhesion": {"pull_off": pull_offs, **self._attraction_range_report(jkr.work)}
         }
+        if isinstance(jkr, JkrInSeries):
+            report["adhesion"] |= self._lost_contact_report(jkr)
         if self.experiment.cantilever:
-            jump_in_contact = jkr.stable_equilibrium(0.0, self.compliance)
+            jump_in_contact = jkr.stable_equilibrium(jkr.first_contact, self.compliance)
             pull_off = jkr.pull_off(self.compliance)
-            assert jump_in_contact is not None  # pull-off needs z < 0
             jump_out = {"z": pull_off.delta + self.compliance * pull_off.force} | _contact_entry(
                 pull_off
             )
             report["cantilever"] = {
-                "jump_in": {"z": 0.0} | _contact_entry(jump_in_contact),
+                # There is none if the tip tears the body off the flat as soon as it touches it.
+                "jump_in": jump_in_contact
+                and {"z": jkr.first_contact} | _contact_entry(jump_in_contact),
                 "jump_out": jump_out,
             }
         return report
+
+    def _lost_contact_report(self, jkr: JkrInSeries) -> dict[str, Any]:
+        """Return the contact that is lost at pull-off, and the error of the sum of two contacts."""
+        lost_contact, what = (
+            ("base", "the body leaves the flat and stays on the tip")
+            if jkr.is_base_weaker
+            else ("tip", "the tip leaves the body, which stays on the flat")
+        )
+        error = self._series_error(jkr)
+        words = (
+            f"at pull-off {what}; the depth is a sum of two contacts, which is inexact by up to "
+            f"{100 * error:.2g} % of the deepest one"
+        )
+        if jkr.stable_equilibrium(jkr.first_contact, self.compliance) is None:
+            self.warnings.append(
+                "the tip tears the body off the flat as soon as it touches it: approach and "
+                "retraction are those of a body that is held on the flat until it is pressed"
+            )
+        return {"lost_contact": lost_contact, "series_error": error, "words": words}
+
+    def _series_error(self, jkr: JkrInSeries) -> float:
+        """Return the largest error of the depth as a sum of two contacts, over the deepest one.
+
+        It is evaluated at pull-off under force and depth control, at a force of 0 and in the
+        deepest contact.
+        """
+        states = (
+            jkr.pull_off(inf),
+            jkr.pull_off(0.0),
+            jkr.stable_equilibrium(0.0, inf),
+            jkr.stable_equilibrium(self.max_depth),
+        )
+        errors = (
+            self._both_contacts.depth_error(*jkr.radii(state), state.force)
+            for state in states
+            if state is not None
+        )
+        return max(map(abs, errors)) / self.max_depth
 
     def _attraction_range_report(self, work: float) -> dict[str, float]:
         """Return the Tabor and Maugis parameters, and the Maugis pull-off force on a half-space.

@@ -66,7 +66,7 @@ def underresolved_rows(scene: Scene, states: Sequence[State]) -> list[str]:
     span = " to ".join(dict.fromkeys(error_text(errors[k]) for k in (0, -1)))
     force_text = f"the force there may be wrong by {span}, pressures by more"
     remedy = refinement_advice(
-        sizes, "give mesh.h_contact and a smaller mesh.h_axis, or ask for an accuracy"
+        sizes, "give mesh.h_contact and a smaller mesh.h_axis, or set accuracy"
     )
     return [
         f"{rows} at most {max_elements:.2g} elements in the contact radius: {force_text}; {remedy}"

@@ -404,11 +404,14 @@ def _check_soft_tip(scene: Scene, state: State, earlier: PreviousRows) -> str | 
     # Tolerance relative to F delta, as in `_check_energy`.
     tolerance = 0.02
     if not -tolerance * state.delta <= state.tip_sink <= (1 + tolerance) * state.delta:
-        return f"the soft tip is pressed in by {state.tip_sink:.6g}, which is no part of the depth"
+        return (
+            f"the soft tip is pressed in by {state.tip_sink:.6g}, which is not between 0 and "
+            "the depth"
+        )
     if not -tolerance * state.energy <= state.tip_energy <= (1 + tolerance) * state.energy:
         return (
-            f"the energy {state.tip_energy:.6g} of the soft tip is no part of that of both bodies, "
-            f"{state.energy:.6g}"
+            f"the energy {state.tip_energy:.6g} of the soft tip is not between 0 and that of "
+            f"both bodies, {state.energy:.6g}"
         )
     if state.delta <= max(earlier.max_depth, 0.0) or earlier.has_turned:
         return None

@@ -64,7 +64,7 @@ def sensitivities(config: Config, keys: Sequence[str], step: float = 0.02) -> De
     if base.physics.path.control != "depth" or base.is_time_dependent:
         raise ConfigError(
             "loading",
-            "derivatives of the force are defined at prescribed depths only",
+            "derivatives of the force can be computed only if depths are prescribed",
             "give loading.delta or deltas",
         )
     explicit = explicit_config(config, base)
@@ -152,7 +152,8 @@ def _derivative(
     # Resolving the changed scene raises the error that explains why it does not exist.
     resolve(_replace_value(config, path, value * (1 - step)))
     raise ConfigError(
-        ".".join(map(str, path)), "no scene exists with a slightly smaller or larger value"
+        ".".join(map(str, path)),
+        "neither a slightly smaller nor a slightly larger value gives a valid scene",
     )
 
 

@@ -40,11 +40,14 @@ def model_choices(setup: ProblemSetup) -> Choices:
     domain = physics.domain
     body = f"{physics.body.shape}, height {physics.scales.length:.4g}"
     pinned = (
-        "a roller base and free sides leave rigid-body modes; the run checks that the reactions of "
-        "the pins vanish"
+        "on a roller base and with free sides the body could move as a rigid body, which pins "
+        "prevent; the run checks that the reactions of the pins vanish"
     )
     if domain.rests_on_flat:
-        pinned = "half of the height on the axis; a soft spring permits the motion of the body"
+        pinned = (
+            "the point at half of the height on the axis is held by a soft spring, which "
+            "permits the motion of the body"
+        )
     resting = (
         "two contacts, coupled by the compliance of the body, each with its own radius; the flat "
         "is rigid and without friction, and delta is the approach of tip and flat"
@@ -53,8 +56,8 @@ def model_choices(setup: ProblemSetup) -> Choices:
     plastic = f", and yields{_onset_text(setup)}" if physics.yields else ""
     strain = ("small" if physics.small_strain else "finite", f"the material is {kind}{plastic}")
     force_reason = (
-        "forces are prescribed: the depth of each is found by load control, with force(depth) "
-        "assumed to increase"
+        "forces are prescribed: the depth of each force is found by load control, which assumes "
+        "that the force increases with the depth"
     )
     return [
         *([Choice("body", body, setup.truncation.why)] if setup.truncation else []),
@@ -199,7 +202,9 @@ def mesh(
         refinements_choice = Choice(
             "mesh.refinements",
             sizes.refinements or 0,
-            "from accuracy; each refinement halves every edge" if fineness else refinement_reason,
+            "chosen for the given accuracy; each refinement halves every edge"
+            if fineness
+            else refinement_reason,
         )
         size_choice = Choice(
             "mesh.h_contact",
@@ -254,8 +259,8 @@ def mesh(
         why = (
             "as given"
             if settings.h_inclusions
-            else "from the effect of each inclusion on the force; element sizes grow with the "
-            "distance from it"
+            else "chosen for the effect of each inclusion on the force; element sizes grow "
+            "with the distance from it"
         )
         choices.append(Choice("mesh.h_inclusions", sizes_text, why))
     if sizes.coatings:
@@ -263,7 +268,10 @@ def mesh(
         why = (
             "as given"
             if settings.h_layers
-            else "from the thickness of each coating; sizes grow from this on both sides"
+            else (
+                "chosen for the thickness of each coating; element sizes grow from this "
+                "value on both sides"
+            )
         )
         choices.append(Choice("mesh.h_layers", sizes_text, why))
     return choices
@@ -297,7 +305,9 @@ def time_steps(setup: ProblemSetup, physics: ProblemDefinition, sizes: Sizes) ->
             f"the shear modulus relaxes in times of {min(relaxing):.3g} to {max(relaxing):.3g}"
         )
     if physics.creeps:
-        reasons.append("the body creeps: a hundredth of the shortest segment of the history")
+        reasons.append(
+            "a hundredth of the shortest segment of the history, because the body creeps"
+        )
         method = "backward Euler"
     elif physics.permeable_regions:
         method = "SDIRK2"

@@ -62,7 +62,7 @@ def gap(settings: Contact, setup: ProblemSetup) -> tuple[str, Choice]:
     # needle.
     max_needle_ratio = 1e3
     if gap_kind == "current" and setup.max_depth > max_needle_ratio * end:
-        outcome = "gap: current cannot follow the deformation of a body around such a needle"
+        outcome = "gap: current cannot follow the deformation of a body around such a thin tip"
         problem = (
             f"the depth is {setup.max_depth / end:.3g} times the radius at which the tip ends: "
             f"{outcome}"
@@ -152,7 +152,10 @@ def contact(
     law: Any = replace(scales.nondimensionalize(settings), gap="auto")
     why = "as given"
     if isinstance(law, AutoContact):
-        why = "auto: no penetration error, smooth pressures, fewest iterations"
+        why = (
+            "auto: this method has no error due to penetration, smooth pressures, and the "
+            "fewest iterations"
+        )
         law = AugmentedLagrangian(
             friction=law.friction, epsilon_t=law.epsilon_t, adhesion=law.adhesion
         )
@@ -266,8 +269,9 @@ def friction(
     if not coefficient:
         return law, "implicit", []
     midstep_reason = (
-        "a point that comes into contact sticks where it first touches the tip within the load "
-        "increment, which a first solution without friction of the new contact determines"
+        "a point that comes into contact within a load increment sticks where it first touches "
+        "the tip; this place is known from a first solution of the increment, in which the new "
+        "contact has no friction"
     )
     on_its_way = [Choice("contact.friction", coefficient, midstep_reason)]
     if physics.domain.pins:

@@ -4,6 +4,7 @@ Where a fixed face meets a free face at a right angle, the stress grows as rho^(
 distance rho from the corner. The smallest lambda, 0.595, is that of an incompressible body, and
 elements of the size h change the force by a multiple of h^(2 lambda) (Williams 1952, J. Appl. Mech.
 19, 526). A refinement that grades away from the corner costs few elements.
+Elements at the edge of a punch are chosen in `scene.sizing`.
 """
 
 from __future__ import annotations

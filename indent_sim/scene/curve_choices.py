@@ -65,8 +65,8 @@ def curve(
         reason = ting_reason if setup.relaxation else static_reason
         if setup.uses_time_stepping:
             stepping_reason = (
-                "viscoelastic time stepping on the surface compliance, to 1e-4: the history is "
-                "not one loading and unloading with prescribed depths"
+                "viscoelastic time stepping on the surface compliance, with an error of 1e-4: "
+                "the history is not one loading and unloading with prescribed depths"
             )
             reason = stepping_reason
         choices.append(Choice("time", "curve", jkr_reason if setup.jkr_limit else reason))
@@ -80,13 +80,13 @@ def _refuse_curve_features(setup: ProblemSetup, why: str) -> None:
         raise ConfigError(
             "material.relaxation.of",
             problem,
-            "use of: shear, or remove the part of the model that this reason names",
+            "use of: shear, or remove the part of the model that is named as the reason",
         )
     if experiment_part := next(
         (name for name, part in vars(setup.experiment or Experiment()).items() if part), None
     ):
         problem = f"needs an elastic curve, but this scene is solved row by row: {why}"
-        remedy = "leave it out, or remove the part of the model that this reason names"
+        remedy = "leave it out, or remove the part of the model that is named as the reason"
         raise ConfigError(f"experiment.{experiment_part}", problem, remedy)
 
 

@@ -68,10 +68,10 @@ def swelling_force_error(sizes: Sizes, a: float) -> float:
 
     `a` is the contact radius [length]. The error is caused by the elements at the contact edge. The
     error was measured on a gel with chi = 0.6 under a ball whose radius is the gel's thickness, on
-    three meshes and at six times. The reference mesh had elements a sixth as long at the axis. The
-    error was at most 51, 36, 8, 5 and 1 % with n = 2.3, 2.9, 3.7, 4.5 and 6.5 elements in the
-    contact radius, which is 2.7/n^3 to 8.6/n^3. `tests/physics/test_gel_scenes.py` measures one of
-    the meshes again.
+    three meshes and at six instants, against a mesh whose elements at the axis were six times
+    smaller. It was at most 51, 36, 8, 5 and 1 % with n = 2.3, 2.9, 3.7, 4.5 and 6.5 elements in the
+    contact radius, which is 2.7/n^3 to 8.6/n^3. The function returns 9/n^3, or 0 under a punch with
+    a sharp edge. `tests/physics/test_gel_scenes.py` repeats the measurement on one of the meshes.
     """
     return 0.0 if sizes.punch_edge is not None else 9.0 / sizes.elements_in_contact(a) ** 3
 

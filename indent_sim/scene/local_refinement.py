@@ -16,6 +16,7 @@ from indent_sim.scene import boundary_films
 from indent_sim.scene.corner_singularities import Corner, corners
 from indent_sim.scene.history_path import problem_along_history
 from indent_sim.scene.measured_constants import (
+    ADHESIVE_ELEMENTS_PER_RADIUS,
     ELEMENTS_ABOVE_INCLUSION,
     ELEMENTS_PER_COATING,
     ELEMENTS_PER_RADIUS,
@@ -47,8 +48,12 @@ def refine_base_contact(default_sizes: Sizes, setup: ProblemSetup) -> Sizes:
     body = physics.body
     if not isinstance(body, SphericalBody) or not body.rests_on_flat:
         return default_sizes
-    a_base = min(_expected_base_radius(body, setup), 0.9 * body.max_section_radius)
+    adhesive_radii = setup.adhesive_base_radii
+    a_base = max([_expected_base_radius(body, setup), *adhesive_radii])
+    a_base = min(a_base, 0.9 * body.max_section_radius)
     h = min(a_base * default_sizes.h_contact / setup.a, default_sizes.h_far)
+    if adhesive_radii:
+        h = min(h, adhesive_radii[0] / ADHESIVE_ELEMENTS_PER_RADIUS)
     radius = min(BASE_PATCH_FACTOR * a_base + 2 * h, body.max_section_radius)
     depth = physics.domain.height
     return replace(

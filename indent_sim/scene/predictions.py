@@ -44,7 +44,11 @@ def prediction_of(setup: ProblemSetup) -> dict[str, float]:
         return {"a": setup.a * scales.length}
     if setup.yielding and delta > 0 and not physics.is_time_dependent:
         force = setup.yielding.force(delta)
-        values[quantity] = delta if largest is not None else (force if isfinite(force) else None)
+        is_known = isfinite(force) and setup.yielding.force_is_known(delta)
+        values[quantity] = (delta if largest is not None else force) if is_known else None
+    elif physics.yields and not setup.yielding:
+        # The elastic theory does not hold, and no estimate replaces it.
+        pass
     elif setup.attraction:
         with suppress(*SOLUTION_ERRORS):
             contact = setup.jkr and setup.jkr.stable_equilibrium(

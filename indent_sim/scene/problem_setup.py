@@ -1,4 +1,4 @@
-"""Problem setup: a scene before any choice, with model domain, theory and expected depths."""
+"""Problem setup: a scene with model domain and theory, before mesh and solver are chosen."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from indent_sim.model.materials import Material
 from indent_sim.model.relaxation import Relaxation
 from indent_sim.model.spherical_bodies import CurvedBody, SphericalBody
 from indent_sim.model.tip_track import TipTrack
-from indent_sim.model.tips import FlatPunch, Indenter, Plate
+from indent_sim.model.tips import FlatPunch, Indenter, Paraboloid, Plate
 from indent_sim.model.unbounded_bodies import HalfSpace, UnboundedBody
 from indent_sim.model.units import Scales, round_length
 from indent_sim.process.errors import ConfigError
@@ -79,7 +79,7 @@ ATTRACTION_CUTOFF = 7.0
 
 @dataclass(frozen=True)
 class ProblemSetup:
-    """Nondimensional problem before any choice, with the predictions of theory.
+    """Nondimensional problem before mesh and solver are chosen, with the predictions of theory.
 
     Attributes
     ----------
@@ -189,6 +189,21 @@ class ProblemSetup:
         )
 
     @cached_property
+    def adhesive_base_radii(self) -> tuple[float, float] | tuple[()]:
+        """Radii [length] of the contact with the flat in the JKR limit, as `adhesive_radii`.
+
+        They are empty for a body that does not adhere to a flat on which it rests.
+        """
+        body = self.physics.body
+        adhesion = self.jkr_limit
+        solution = self.solution(self.max_depth) if self.max_depth > 0 else None
+        if adhesion is None or adhesion.base_work is None or solution is None:
+            return ()
+        assert isinstance(body, SphericalBody)
+        plate = Paraboloid(body.apex_radius)
+        return adhesive_radii(None, plate, self.layers, adhesion.base_work, 0.0, solution.force)
+
+    @cached_property
     def jkr(self) -> Jkr | None:
         """Contact of an adhesive tip in the JKR limit; None if no theory applies."""
         return self.theory.jkr(self.attraction.work) if self.attraction and self.theory else None
@@ -211,7 +226,7 @@ def set_up_problem(config: Config, imported_mesh: ImportedMesh | None = None) ->
     Returns
     -------
     ProblemSetup
-        The problem before any choice.
+        The problem before mesh and solver are chosen.
 
     Raises
     ------

@@ -141,7 +141,7 @@ def choose_formulation(key: str, material: Material, min_shear_fraction: float) 
     law_text = (
         f"nu = {nu:g}"
         if material.is_isotropic
-        else f"a compressibility equivalent to nu = {nu:.6g}"
+        else f"a compressibility like that of an isotropic material with nu = {nu:.6g}"
     )
     if min_shear_fraction < 1:
         law_text = f"{law_text} after relaxation of the shear modulus"

@@ -258,11 +258,14 @@ class Scene:
             ),
             (
                 physics.contact.may_snap_through,
-                "the attraction has a finite range, but none in the theory",
+                "the attraction has a finite range, but in the theory its range is zero",
             ),
             (
                 physics.gap == "current" and not has_plate,
-                "the gap is evaluated at the deformed point, in the theory at the undeformed one",
+                (
+                    "the gap is evaluated at the deformed point, but in the theory at the "
+                    "undeformed point"
+                ),
             ),
             (
                 physics.gap == "reference" and is_finite,
@@ -491,7 +494,9 @@ def _meshed_scene(config: Config, setup: ProblemSetup, per_radius: float | None)
     choices.refuse_nodal_stress(config, has_fields=not setup.history or is_in_time)
     if setup.history and not is_in_time:
         choices.refuse_reactions(
-            config, "a history is evaluated on the elastic curve, which contains only forces"
+            config,
+            "a history is evaluated on the elastic load curve, which contains only the "
+            "forces of the tip",
         )
     elif isinstance(config.body, UnboundedBody):
         choices.refuse_reactions(

@@ -39,7 +39,7 @@ def solver(config: Config, setup: ProblemSetup, physics: ProblemDefinition, node
     config : Config
         The scene file.
     setup : ProblemSetup
-        The nondimensional problem before any choice.
+        The nondimensional problem before mesh and solver are chosen.
     physics : ProblemDefinition
         The problem with its contact law and gap.
     nodes : float

@@ -251,7 +251,10 @@ class _ShardExecution:
         self._done_count += 1
 
     def _append_known(self, settings: int, physics: int) -> None:
-        """Append a copy of the row of a run with the same physics but other settings."""
+        """Append the row of a run whose physics was already computed with other settings.
+
+        It is a copy of the row that was computed. The checksums are those of `RunRow`.
+        """
         row = self._index.find_physics(physics)
         assert row is not None
         self._writer.append(RunRow(settings, physics, row.cells, row.curve))

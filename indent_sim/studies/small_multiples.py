@@ -514,7 +514,7 @@ def draw_column_into(axes: Axes, curve_groups: CurveGroups, column: str) -> None
     if len(panel_keys) > 1:
         keys = ", ".join(key for keys in panel_keys for key in keys)
         raise UsageError(
-            f"ax is one panel, but {column} needs {len(panel_keys)}: over {keys}",
+            f"ax is one panel, but {column} needs {len(panel_keys)} panels, over the keys {keys}",
             "leave out the argument ax",
         )
     _draw_column([axes], curve_groups, column, panel_keys)

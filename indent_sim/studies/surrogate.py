@@ -359,7 +359,7 @@ def _surrogate_of(data: Mapping[str, Any]) -> Surrogate:
 
 
 def _powers(data: Mapping[str, Any]) -> dict[str, float]:
-    """Return powers of keys from the content of a file."""
+    """Return the exponent of each key in a product of powers, from the file of a surrogate."""
     return {str(key): float(power) for key, power in data.items()}
 
 

@@ -28,7 +28,7 @@ from numpy.polynomial import Chebyshev
 from scipy.interpolate import CubicSpline
 from scipy.optimize import brentq, minimize_scalar
 
-from indent_sim.theory.punches import Punches
+from indent_sim.theory.punches import FittedPunches, Punches
 from indent_sim.theory.solution import require_positive
 
 # Relative distance that a search keeps from the largest radius, where the stiffness may be singular
@@ -68,9 +68,23 @@ class Jkr:
         require_positive(work=work)
         self.punches = punches
         self.work = work
+        # Largest contact radius of searches [L].
+        self.max_radius = punches.max_radius * (1.0 - LEAST_RIM_DISTANCE)
         self.pull_off = cache(self._find_pull_off)
         # Searches evaluate the ends of their brackets several times, so that equilibria are cached.
         self._cached_equilibrium = lru_cache(500)(self._solve)
+
+    @property
+    def first_contact(self) -> float:
+        """Depth at which an approaching tip first touches the body [L]."""
+        return 0.0
+
+    @property
+    def neighbouring_fits(self) -> list[Jkr]:
+        """The same contact by fits of other degrees to the punches; empty without such fits."""
+        if not isinstance(self.punches, FittedPunches):
+            return []
+        return [Jkr(neighbour, self.work) for neighbour in self.punches.neighbouring_fits]
 
     def equilibrium_at(self, a: float) -> AdhesiveContact:
         """Return the equilibrium of contact radius a [L], stable or not."""
@@ -94,7 +108,7 @@ class Jkr:
 
     def _find_pull_off(self, compliance: float = 0.0) -> AdhesiveContact:
         """Find the equilibrium with the smallest z, or the smallest force in force control."""
-        zero_force_radius = self._zero_force_radius
+        zero_force_radius = self.zero_force_radius
         # On any layer and under any tip, contacts that become unstable are larger than a thousandth
         # of the contact at zero force.
         log_bounds = (
@@ -106,10 +120,10 @@ class Jkr:
         )
 
     @cached_property
-    def _zero_force_radius(self) -> float:
+    def zero_force_radius(self) -> float:
         """Contact radius [L] at zero force; larger contacts are stable at any compliance."""
         low = self.punches.min_radius
-        high = self.punches.max_radius * (1.0 - LEAST_RIM_DISTANCE)
+        high = self.max_radius
         low = max(low, 1e-9 * high)
         if self.equilibrium_at(low).force > 0.0:
             raise ValueError(
@@ -190,7 +204,7 @@ class Jkr:
 
     def _radius_beyond(self, z: float, value: Callable[[float], float], a: float) -> float:
         """Return a radius [L] above a at which the prescribed quantity exceeds z."""
-        high = self.punches.max_radius * (1.0 - LEAST_RIM_DISTANCE)
+        high = self.max_radius
         while value(a) < z:
             if a >= high:
                 raise ValueError(

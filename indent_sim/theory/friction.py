@@ -1,6 +1,7 @@
 """Coulomb friction between a tip and an elastic half-space during loading.
 
-The results are factors of force and contact radius, and the stick radius. Under a flat punch of
+The results are the ratios of force and contact radius to those of frictionless contact at the same
+depth, and the ratio of the stick radius to the contact radius. Under a flat punch of
 radius 1 and depth 1, the pressure p, the outward traction q on the body and the displacements
 inside the contact are Abel transforms of phi and x chi. With beta = (1 - 2 nu)/(2 (1 - nu)),
 stresses in units of mu/(1 - nu):
@@ -13,9 +14,9 @@ stresses in units of mu/(1 - nu):
 
 With phi and chi constant on rings, all integrals are elementary. Under a tip with the profile f(r)
 = B r^n each increment of the depth is that of a flat punch of the present contact radius. The stick
-radius is the same fraction of each of these punches, so that slipping and sticking regions do not
-change. Therefore delta = alpha a^n as in `no_slip`, where the surface outside a punch of radius 1
-has the depth int_0^1 phi/sqrt(r^2 - x^2) dx.
+radius is the same fraction of the contact radius for each of these punches, so that the stick and
+slip zones grow in proportion to the contact. Therefore delta = alpha a^n as in `no_slip`, where the
+surface outside a punch of radius 1 has the depth int_0^1 phi/sqrt(r^2 - x^2) dx.
 
 Sources: Spence (1975), J. Elasticity 5, 297, for the problem and its self-similarity; the
 collocation is our own.

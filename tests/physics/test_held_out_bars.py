@@ -1,8 +1,10 @@
-"""Error bars of random scenes that chose no constant: caps, balls, and meshes from files.
+"""Error bars of random scenes that chose no constant.
 
 The truth of a cap or ball is the force with 36 elements in the contact radius, extrapolated from 24
 with the order 2.5; where independent values are known (test_round_bodies.py) it is good to 1e-5.
-The truth of a mesh file is exact theory, or the same body meshed here with far more elements.
+The truth of a mesh file is exact theory, or the same body meshed here with far more elements. That
+of soft tips, resting bodies, and tips that are tilted or slide is the same scene on elements half
+as large, which have a sixth of the error; of a tip that slides with steps a quarter as long.
 """
 
 from __future__ import annotations
@@ -12,13 +14,17 @@ from typing import Any
 
 import numpy as np
 import pytest
+from contact_scenes import Drawn, contact_scenes
 from promised_bars import ROWS_OF_A_CLASS
 
 from indent_sim.config.scene_file import config_from_mapping, load
 from indent_sim.config.strict_yaml import dump
 from indent_sim.model.state import State
+from indent_sim.model.work import path_integral
+from indent_sim.run.error_estimation.coarser_run import coarsen_scene, halve_increments
 from indent_sim.run.pipeline import simulate, states
-from indent_sim.scene.scene import resolve
+from indent_sim.run.work_and_loops import slide_work
+from indent_sim.scene.scene import Scene, resolve
 
 QUIET = {"fields": "none", "surface": "none", "plot": False}
 NUMBERS = ("force", "p_max", "a")
@@ -276,3 +282,113 @@ def test_mesh_files_drawn_at_random(tmp_path: Path) -> None:
         tallied(rows, [{"force": force} for force in forces_of(scene)], tally)
     print(tally)
     assert tally.inside("force") >= ROWS_OF_A_CLASS
+
+
+# Number of scenes by kind, in `make test` and in `make verify`; test_resting_bodies.py has more.
+QUICK = {
+    "soft tips": 3,
+    "resting bodies": 3,
+    "two rubbers": 1,
+    "tilted tips": 1,
+    "sliding tips": 3,
+}
+LONG = {
+    "soft tips": 12,
+    "two rubbers": 4,
+    "tilted tips": 6,
+    "tilted tips in 3D": 1,
+    "sliding tips": 12,
+}
+HALVINGS = 2  # of the steps of the reference of a tip that slides
+
+
+def finer_rows(scene: Scene) -> list[State]:
+    """Return the rows of a scene on smaller elements, and where it matters with shorter steps.
+
+    Elements are half as large, in three dimensions 0.6 times as large.
+    """
+    scene = coarsen_scene(scene, 0.6 if scene.physics.domain.dim == 3 else 0.5)
+    if not scene.physics.depends_on_step_size:
+        return list(states(scene, with_surface=False))
+    for _ in range(HALVINGS):
+        halved = halve_increments(scene)
+        assert halved is not None
+        scene = halved
+    return list(states(scene, with_surface=False))[2**HALVINGS - 1 :: 2**HALVINGS]
+
+
+@pytest.mark.parametrize(
+    ("kind", "count"),
+    [*QUICK.items(), *(pytest.param(*given, marks=pytest.mark.verify) for given in LONG.items())],
+)
+def test_soft_resting_tilted_and_sliding_contacts(kind: str, count: int, tmp_path: Path) -> None:
+    """Forces, radii and peak pressures of random contacts have the promised coverage."""
+    tally = Tally()
+    for k, mapping in enumerate(contact_scenes(count, 8, kind)):
+        config = config_from_mapping(mapping | {"output": QUIET})
+        rows = simulate(config, directory=tmp_path / str(k), error_bars=True).states
+        scene = resolve(config)
+        by_depth = scene.physics.path.control == "depth"
+        numbers = [
+            name
+            for name in NUMBERS
+            if (name != "force" or by_depth) and (name != "a" or scene.sizes.punch_edge is None)
+        ]
+        right = [
+            {name: getattr(row, name) for name in numbers} for row in finer_rows(resolve(config))
+        ]
+        tallied(rows, right, tally)
+    print(kind, tally)
+    assert min(tally.inside(name) for name in NUMBERS if tally.over[name]) >= ROWS_OF_A_CLASS
+
+
+@pytest.mark.parametrize(
+    ("kind", "count"),
+    [
+        (kind, count) if count < 3 else pytest.param(kind, count, marks=pytest.mark.verify)
+        for kind in ("soft tips", "resting bodies", "two rubbers", "tilted tips")
+        for count in (1, 6)
+    ],
+)
+def test_the_work_is_stored(kind: str, count: int) -> None:
+    """The energy is the work of the tip to 1e-3, by Simpson's rule over 16 rows.
+
+    Where the force grows as delta^1.5 from first contact, the rule is exact to 1e-4.
+    """
+    for mapping in contact_scenes(count, 6, kind):
+        loading = mapping["loading"] | {"steps": 16}
+        scene = resolve(config_from_mapping(mapping | {"loading": loading, "output": QUIET}))
+        rows = list(states(scene, with_surface=False))
+        forces = np.array([0.0, *(row.force for row in rows)])
+        weights = np.array([1, *([4, 2] * 8)[:-1], 1]) * rows[0].delta / 3
+        assert weights @ forces == pytest.approx(rows[-1].energy, rel=1e-3), mapping
+
+
+def work_of(rows: list[State]) -> float:
+    """Return the work of a tip along its rows, by trapezoids."""
+    depths = np.array([row.delta for row in rows])
+    forces = np.array([row.force for row in rows])
+    return path_integral(depths, forces) + slide_work(rows, "side_force_x")
+
+
+@pytest.mark.parametrize("count", [2, pytest.param(40, marks=pytest.mark.verify)])
+def test_random_friction_loops_dissipate_their_work(count: int) -> None:
+    """Dissipation and stored energy of a slide and of its last loop are the work of the tip.
+
+    The difference is at most four times the error of the trapezoids, plus 1e-3 of the work of
+    pressing for that of the first slip in a stretch, which lies between two rows. The error of the
+    trapezoids is estimated from every second row.
+    """
+    stretch = 16
+    drawn = Drawn(7)
+    for _ in range(count):
+        mapping = drawn.friction_loop(stretch) | {"output": QUIET}
+        rows = list(states(resolve(config_from_mapping(mapping)), with_surface=False))
+        for part in (rows[-2 * stretch - 1 :], rows[2:]):
+            work = work_of(part)
+            error = abs(work - work_of(part[::2])) / 3
+            dissipated = sum(row.dissipation or 0.0 for row in part[1:])
+            stored = part[-1].energy - part[0].energy
+            assert dissipated > 0
+            tolerance = 4 * error + 1e-3 * part[0].energy
+            assert dissipated + stored == pytest.approx(work, abs=tolerance), mapping

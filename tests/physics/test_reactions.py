@@ -239,7 +239,7 @@ def test_a_run_with_reactions_goes_on_with_them(tmp_path: Path) -> None:
                 "material": ELASTIC | {"relaxation": {"prony": [[0.5, 1.0]]}},
                 "loading": {"history": [[0, 0], [1, 0.01]]},
             },
-            "elastic curve",
+            "elastic load curve",
         ),
     ],
 )

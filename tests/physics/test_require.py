@@ -439,7 +439,7 @@ def test_a_slide_of_the_scene() -> None:
     assert "at most 0.4 times the force" in found.source
     requirements = of(scene)
     assert requirements.config["contact"]["friction"] == 0.4
-    assert "needs the friction" in requirements.words
+    assert "needs friction" in requirements.words
     assert "slope" in row(scene | {"contact": {}}, "lateral").source
 
 

@@ -230,7 +230,7 @@ REFUSED: dict[str, tuple[dict[str, Any], str, str]] = {
             "loading": WAY_BACK | {"slide": {"to": 0.1}},
         },
         "loading.unload",
-        "does not fit loading.slide",
+        "cannot be combined with loading.slide",
     ),
     "adhesion": (
         {"contact": {"adhesion": {"work": 1e-3, "range": 0.01}}},
@@ -240,7 +240,7 @@ REFUSED: dict[str, tuple[dict[str, Any], str, str]] = {
     "an instrument": (
         {"experiment": {"frame": {"compliance": 0.01}}},
         "loading.unload",
-        "does not fit an experiment",
+        "cannot be combined with the section experiment",
     ),
     "a depth above the last one": (
         {"loading": WAY_BACK | {"unload": {"to": 0.05}}},

@@ -87,7 +87,7 @@ class TestNotOurs:
         (tmp_path / ".out.old").mkdir()
         (tmp_path / ".out.old" / "notes").write_text("mine")
         before = content_of(tmp_path)
-        with pytest.raises(UsageError, match=r"\.out\.old is needed for a temporary folder"):
+        with pytest.raises(UsageError, match=r"\.out\.old is the place of a temporary folder"):
             OutputFolder(tmp_path / "out")
         assert content_of(tmp_path) == before
 

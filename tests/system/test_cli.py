@@ -759,7 +759,8 @@ class TestAnotherScene:
         done = indent_sim(*words)
         assert done.exit_code == 2
         assert (
-            "of another scene: it has error bars, but --error-bars is not given now" in done.stderr
+            "of another scene: it has error bars, but the new run has no --error-bars"
+            in done.stderr
         )
 
     @pytest.mark.parametrize(

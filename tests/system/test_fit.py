@@ -93,7 +93,7 @@ def test_a_folder_of_curves_in_two_processes(command, tmp_path):
         (("--columns", "x,force"), 3, "there is no column 'x'"),
         (("--columns", "a"), 3, "has 1 columns"),
         (("--columns", "z=1,weight=2"), 3, "there is no role 'weight'"),
-        (("--sensitivity", "50"), 3, "'50' is no length per voltage"),
+        (("--sensitivity", "50"), 3, "'50' is not a length divided by a voltage"),
         (("--level", "none"), 2, "--level"),
         (("--units", "mass=kg"), 2, "--units mass"),
         (("--segment", "back"), 2, "'back' is not one of"),

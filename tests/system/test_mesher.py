@@ -134,9 +134,13 @@ def test_a_flat_cell_is_told():
 @pytest.mark.parametrize(
     ("flat", "told"),
     [
-        (100, "a mesh.h_contact 1.1 and 0.9 times as large was tried and cannot be meshed either"),
-        (3, "a mesh.h_contact 1.1 times as large was tried and can be meshed"),
-        (6, "a mesh.h_contact 0.9 times as large was tried and can be meshed"),
+        (
+            100,
+            "a mesh.h_contact 1.1 and 0.9 times as large was tried, with which the body "
+            "cannot be meshed either",
+        ),
+        (3, "a mesh.h_contact 1.1 times as large was tried, with which the body can be meshed"),
+        (6, "a mesh.h_contact 0.9 times as large was tried, with which the body can be meshed"),
     ],
 )
 def test_a_mesh_that_stays_flat_is_refused(monkeypatch, flat, told):

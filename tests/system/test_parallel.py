@@ -310,6 +310,43 @@ def test_same_histories_on_two_ranks(names: tuple[str, ...], mpirun: Mpirun) -> 
             ), f"{what} of {name}"
 
 
+SLIDES: dict[str, dict[str, Any]] = {
+    "slide": {
+        "body": STRIP,
+        "contact": {"friction": 0.3},
+        "mesh": {"h_contact": 0.05},
+        "loading": {"delta": 0.01, "steps": 1, "slide": {"to": [0.004, -0.004], "steps": 2}},
+    },
+    "slide_half": {
+        "body": BOX,
+        "contact": {"friction": 0.3},
+        "mesh": {"h_contact": 0.2},
+        "loading": {"delta": 0.04, "steps": 1, "slide": {"to": [0.004], "steps": 2}},
+    },
+}
+OF_SLIDE = ("x", "force", "a", "side_force_x", "dissipation", "stick_radius", "moment", "converged")
+
+
+@pytest.mark.parametrize("name", ["slide", pytest.param("slide_half", marks=pytest.mark.verify)])
+def test_same_slides_on_two_ranks(name: str, mpirun: Mpirun) -> None:
+    """Two ranks give the side forces and the dissipation of one to 1e-9 of the largest number."""
+    program = PROGRAM.replace(repr(NUMBERS), repr(OF_SLIDE)).replace(
+        ', "newton_iterations", "converged"]', "]"
+    )
+    scene = {"indenter": PARABOLOID, "material": ELASTIC} | SLIDES[name]
+    two, one = (
+        parsed(mpirun(ranks, "-c", program, json.dumps({name: scene})))[name] for ranks in (2, 1)
+    )
+    assert two["agreed"], f"the ranks differ among themselves about {name}"
+    here, there = (np.array(result["rows"], dtype=float) for result in (one, two))
+    assert here[:, -1].all() and there[:, -1].all()
+    for column, what in enumerate(OF_SLIDE[:-1]):
+        slack = SAME * np.abs(here[:, column]).max()
+        assert there[:, column] == pytest.approx(here[:, column], rel=SAME, abs=slack), (
+            f"{what} of {name}"
+        )
+
+
 TOGETHER = """
 from indent_sim.fe.condensed import compliance
 compliance.machine_memory = lambda: 0

@@ -358,8 +358,8 @@ class CondensedContact:
             if all(map(solve, factors)):
                 return True
         self.failure = (
-            f"the set of nodes in contact did not settle within {MAX_CONTACT_ITERATIONS} "
-            "iterations, or it recurred"
+            "the set of nodes in contact did not become constant within "
+            f"{MAX_CONTACT_ITERATIONS} iterations, or it recurred"
         )
         return False
 

@@ -14,7 +14,7 @@ from indent_sim.fe.condensed.compliance import Condenser
 from indent_sim.fe.condensed.condensed_state import CondensedState
 from indent_sim.fe.condensed.contact import CondensedContact, ContactState
 from indent_sim.fe.condensed.flat_contact import flat_contact_radius
-from indent_sim.fe.condensed.flat_punches import punches
+from indent_sim.fe.condensed.flat_punches import BothContacts, punches
 from indent_sim.fe.condensed.resting_body import RestingBodyCondenser
 from indent_sim.fe.condensed.soft_tip import SoftTipCondenser
 from indent_sim.fe.discrete_body import Body
@@ -195,6 +195,10 @@ class CondensedEquilibrium(Equilibrium):
     def punches(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return the flat punches of an axisymmetric body; see `condensed.flat_punches`."""
         return punches(self.contact)
+
+    def both_contacts(self) -> BothContacts:
+        """Return the punches of a body that rests on a flat, at the present distributions."""
+        return BothContacts(self.contact)
 
     def snapshot(self) -> ContactState:
         """Return a copy of the present state."""

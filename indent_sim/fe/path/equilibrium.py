@@ -129,16 +129,18 @@ def moment_values(moment: float, force: float) -> dict[str, float]:
 def lateral_imbalance(
     scene: Scene, support_reactions: Mapping[SurfaceComponent, float], push: float
 ) -> dict[str, float]:
-    """Return the resultant horizontal force on the body, 0 in equilibrium; {} without a slide.
+    """Return `lateral_imbalance`, the absolute resultant force on the body along the slide [force].
+
+    It is 0 in equilibrium. The mapping is empty if the tip does not slide.
 
     Parameters
     ----------
     scene
         The scene.
     support_reactions
-        Reactions of the supports of the model domain [force].
+        Reactions of the supports on the model domain [force].
     push
-        Horizontal force of the body on the tip along the slide, of the whole body [force].
+        Force of the whole body on the tip along the slide [force].
     """
     physics = scene.physics
     if not physics.slides:

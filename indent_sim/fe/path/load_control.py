@@ -113,7 +113,7 @@ class LoadControl:
             if math.isfinite(upper - lower) and upper - lower <= 4e-16 * max(
                 abs(upper), abs(lower)
             ):
-                self.failure = "the force is a discontinuous function of the depth there"
+                self.failure = "near this force, the force is a discontinuous function of the depth"
                 return abs(reached_force - force) <= self._slack * (force + pull)
             if (
                 len(tried_points) > 1
@@ -222,7 +222,7 @@ class LoadControl:
                 "this force is not reached even with the tip close to the base of the body"
             )
         elif upper <= lower * (1 + 4e-16):
-            self.failure = "the force is a discontinuous function of the depth there"
+            self.failure = "near this force, the force is a discontinuous function of the depth"
         else:
             return False
         return True

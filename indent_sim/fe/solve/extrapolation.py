@@ -4,7 +4,7 @@ Near the edge of a smooth contact the pressure inside varies as the square root 
 from the edge, the gap outside as s^(3/2). At a point over which the edge passes, pressure^2 and
 gap^(2/3) are therefore linear in the depth. A linear extrapolation of gaps misplaces the edge by
 two thirds of the distance that it moves, an extrapolation of these powers misplaces the edge by a
-sixth of this distance or less.
+sixth of this distance or less. The initial guess is set in `Equilibrium.extrapolate`.
 """
 
 from __future__ import annotations

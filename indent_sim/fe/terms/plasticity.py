@@ -1,4 +1,4 @@
-"""Incremental potential of a region that yields.
+"""Incremental potential of a region that yields, from which the return mapping follows.
 
 Over a load increment a von Mises material with isotropic hardening has a potential W(X) of one
 scalar, the square X = dev e : dev e of the trial elastic strain e (Ortiz & Stainier 1999, Comput.
@@ -13,9 +13,9 @@ elastic.
 
 Internal variables at the quadrature points are eps_p, or G = C_p^-1 - 1, the equivalent plastic
 strain alpha and, with creep, the work per volume of the overstress; all are zero in the undeformed
-body. They follow from the converged state in closed
-form: the radial return shortens the deviator of the logarithmic elastic strain by 3 mu d/q. Source:
-Weber & Anand (1990), Comput. Methods Appl. Mech. Eng. 79, 173; Simo (1992), ibid. 99, 61.
+body. They follow from the converged state in closed form: the radial return (return mapping)
+shortens the deviator of the logarithmic elastic strain by 3 mu d/q. Source: Weber & Anand (1990),
+Comput. Methods Appl. Mech. Eng. 79, 173; Simo (1992), ibid. 99, 61.
 """
 
 from __future__ import annotations

@@ -28,6 +28,8 @@ from indent_sim.scene.scene import Scene
 def pressure_fields(scene: Scene) -> list[Field]:
     """Return the pressure field q of each region with a mixed formulation.
 
+    Displacement and pressure are Taylor-Hood elements, which do not lock in volume.
+
     Every region has its own field because the pressure jumps between materials. The residual of q
     is a volume; it is weighted with the largest Young's modulus of all regions, because an error of
     the volume of one region loads adjacent regions.

@@ -36,7 +36,8 @@ class Term:
         Internal variables. They are stored with every state, are never extrapolated, and change
         in `accept` only.
     frozen : tuple of fem.Function
-        Functions of the current iterate that are fixed during Newton's method.
+        Fields of the trial state that are no unknowns: they are held fixed while Newton's method
+        runs and updated between its runs, like the multiplier of Uzawa's method.
     has_memory : bool
         Whether an equilibrium depends on the load path that leads to it.
     has_symmetric_tangent : bool

@@ -167,8 +167,8 @@ def refuse_other_scenes(config: Config, varied_keys: tuple[str, ...]) -> None:
         problem = "a fit of a body that yields needs a homogeneous half-space"
     elif config.indenter.shape != "cone" or getattr(config.indenter, "tip_radius", False):
         problem = (
-            "a fit of a body that yields needs a sharp cone, whose loops at all depths are one; "
-            "those of a sphere or a pyramid are not tabulated"
+            "a fit of a body that yields needs a sharp cone, whose loops have the same shape at "
+            "all depths; loops of spheres and pyramids are not tabulated"
         )
         remedy = (
             "replace a Berkovich or Vickers tip by the cone of equal cross-sections: half_angle "
@@ -307,10 +307,10 @@ def _recovery_estimate(config: Config) -> float:
 
 
 def _without_step_error(k: np.ndarray, values: np.ndarray) -> tuple[float, float]:
-    """Return the limit of values (m,) at rows k (m,) for short increments, and its relative error.
+    """Extrapolate values (m,) after k (m,) load increments to infinitely many increments.
 
-    A line in 1/k is fitted to the values; the error is the standard deviation of the line at 1/k =
-    0.
+    Return the limit and its relative error. A line in 1/k is fitted; the error is the standard
+    deviation of its value at 1/k = 0.
     """
     coefficients, covariance = np.polyfit(1.0 / k, values, 1, cov=True)
     limit = float(coefficients[1])
@@ -328,7 +328,9 @@ def _unloading(xi: np.ndarray, y: np.ndarray) -> tuple[float, np.ndarray]:
     xi = xi[in_contact]
     y = y[in_contact]
     if len(xi) < 5:
-        raise ForwardModelUnavailable("the loop has too few rows of unloading in contact")
+        raise ForwardModelUnavailable(
+            "the simulated loop has too few rows of unloading that are in contact"
+        )
     # Near the loss of contact the force is about the power 1.3 of the recovery that is left.
     power = 1.0 / 1.3
     left = y[-2:] ** power

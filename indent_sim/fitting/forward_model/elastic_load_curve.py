@@ -128,12 +128,14 @@ class TabulatedLoadCurve:
         depths = load_curve.max_depth * roots**2
         h = max_root / interval_count
         polynomials = []
+        forces = []
         for coefficients in np.atleast_2d(load_curve.coefficients):
             curve = replace(load_curve, coefficients=coefficients)
             force, stiffness = curve.force_and_stiffness(depths)
             # dF/ds times the length of an interval.
             slope = stiffness * 2.0 * load_curve.max_depth * roots * h
             rise = np.diff(force)
+            forces.append(force)
             polynomials.append(
                 [
                     force[:-1],
@@ -146,6 +148,7 @@ class TabulatedLoadCurve:
         self.max_depth = load_curve.max_depth
         self._interval = h
         self._polynomials = np.concatenate(polynomials, axis=1)
+        self._node_forces = np.array(forces)
 
     def force_and_stiffness(
         self, delta: np.ndarray, rows: np.ndarray | None = None
@@ -164,23 +167,108 @@ class TabulatedLoadCurve:
         force, stiffness
             F [force] and dF/d(delta) [force/length], 0 out of contact.
         """
-        is_in_contact = delta > 0
-        root = np.sqrt(np.where(is_in_contact, delta, 0.0) / self.max_depth)
+        samples, shift = self._samples_in_contact(delta, rows)
+        root = np.sqrt(delta.reshape(-1)[samples] / self.max_depth)
         position = root / self._interval
         node = np.minimum(position.astype(np.intp), self._interval_count - 1)
         u = position - node
-        if rows is not None:
-            node = node + self._interval_count * rows[..., None]
-        c0, c1, c2, c3 = (coefficients[node] for coefficients in self._polynomials)
+        c0, c1, c2, c3 = self._coefficients(node + shift)
         force = c0 + u * (c1 + u * (c2 + u * c3))
         slope = c1 + u * (2.0 * c2 + 3.0 * u * c3)
         # The smallest root avoids 0/0 at first contact.
         root_change = 2.0 * self.max_depth * self._interval * np.maximum(root, 1e-9)
-        return force * is_in_contact, slope / root_change * is_in_contact
+        return _scattered(force, samples, delta.shape), _scattered(
+            slope / root_change, samples, delta.shape
+        )
+
+    def _samples_in_contact(
+        self, x: np.ndarray, rows: np.ndarray | None
+    ) -> tuple[np.ndarray, np.ndarray | int]:
+        """Return flat indices (k,) of positive x (..., n), and where their tables begin (k,)."""
+        is_in_contact = x > 0
+        samples = np.flatnonzero(is_in_contact)
+        if rows is None:
+            return samples, 0
+        counts = np.count_nonzero(is_in_contact, axis=-1)
+        begins = self._interval_count * np.broadcast_to(rows, counts.shape)
+        return samples, np.repeat(begins.reshape(-1), counts.reshape(-1))
+
+    def _coefficients(self, position: np.ndarray) -> list[np.ndarray]:
+        """Return the four coefficients of the polynomials at positions (k,) in the table."""
+        return [np.take(column, position, mode="clip") for column in self._polynomials]
 
     def force(self, delta: np.ndarray) -> np.ndarray:
         """Return the forces [force] at depths (..., n) [length] of the first curve."""
         return self.force_and_stiffness(delta)[0]
+
+    def force_and_stiffness_behind_spring(
+        self, x: np.ndarray, compliance: np.ndarray, rows: np.ndarray | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return force and stiffness at displacements x = delta + compliance F of a spring's base.
+
+        Between the nodes x is a cubic polynomial of s like F, so that the depth is its root.
+
+        Parameters
+        ----------
+        x
+            Displacements (..., n) [length].
+        compliance
+            Compliance of the spring for each curve (..., 1) [length/force].
+        rows
+            Row of the table for each curve (...), by default the first one for all.
+
+        Returns
+        -------
+        force, stiffness
+            F [force] and dF/d(delta) [force/length], 0 out of contact.
+        """
+        x = np.broadcast_to(x, np.broadcast_shapes(x.shape, compliance.shape))
+        samples, shift = self._samples_in_contact(x, rows)
+        curves = samples // x.shape[-1]
+        displacement = x.reshape(-1)[samples]
+        compliances = np.broadcast_to(compliance, (*x.shape[:-1], 1)).reshape(-1)
+        # Displacement at every node of the table of each curve.
+        square = self.max_depth * self._interval**2
+        numbers = np.arange(self._interval_count + 1)
+        node_forces = self._node_forces[np.broadcast_to(0 if rows is None else rows, x.shape[:-1])]
+        node_forces = node_forces.reshape(-1, len(numbers))
+        nodes = square * numbers**2 + compliances[:, None] * node_forces
+        parts = np.split(displacement, np.searchsorted(curves, np.arange(1, len(nodes))))
+        pairs = zip(nodes, parts, strict=True)
+        node = np.concatenate([np.searchsorted(row[1:-1], part, "right") for row, part in pairs])
+        begin = nodes[curves, node]
+        end = nodes[curves, node + 1]
+        c0, c1, c2, c3 = self._coefficients(node + shift)
+        compliance_of = compliances[curves]
+        q1 = 2.0 * square * node + compliance_of * c1
+        q2 = square + compliance_of * c2
+        q3 = compliance_of * c3
+        excess = displacement - begin
+        # Initial guess: x is linear in s^2 within the interval.
+        u = np.sqrt(node**2 + excess / (end - begin) * (2 * node + 1)) - node
+        # Newton's method converges quadratically: after a change by this fraction of an interval
+        # the error is one of round-off.
+        max_iterations = 20
+        tolerance = 1e-8
+        for _ in range(max_iterations):
+            slope = np.maximum(q1 + u * (2.0 * q2 + 3.0 * u * q3), 1e-300)
+            change = (excess - u * (q1 + u * (q2 + u * q3))) / slope
+            u = u + change
+            if np.abs(change).max(initial=0.0) < tolerance:
+                break
+        force = c0 + u * (c1 + u * (c2 + u * c3))
+        slope = c1 + u * (2.0 * c2 + 3.0 * u * c3)
+        root_change = 2.0 * square * np.maximum(node + u, 1e-9)
+        return _scattered(force, samples, x.shape), _scattered(
+            slope / root_change, samples, x.shape
+        )
+
+
+def _scattered(values: np.ndarray, positions: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
+    """Return an array of zeros with values (k,) at flat positions (k,)."""
+    array = np.zeros(shape)
+    array.reshape(-1)[positions] = values
+    return array
 
 
 def _map_to_unit_interval(s: np.ndarray) -> np.ndarray:
@@ -266,13 +354,21 @@ def plan_elastic_run(config: Config, max_depth: float) -> PlannedRun:
     """Return the planned run of the scene without experiment, with drained elastic material.
 
     If the solver needs a load path, the path consists of the depths max_depth s^2 with s in
-    DEPTH_ROOTS. Raises ConfigError if the scene is not valid or has adhesion with a range.
+    DEPTH_ROOTS. Raises ConfigError if the scene is not valid, has adhesion with a range, or adheres
+    to a flat below.
     """
     if config.contact.adhesion:
         raise ConfigError(
             "contact.adhesion",
             "a fit needs adhesion in the JKR limit, without the key range",
             "give experiment.adhesion",
+        )
+    adhesion = config.experiment.adhesion if config.experiment else None
+    if adhesion and adhesion.base_work is not None:
+        raise ConfigError(
+            "experiment.adhesion.base_work",
+            "a fit needs a body with one adhesive contact",
+            "fit the approach of the scene without experiment.adhesion",
         )
     document = _elastic_document(config)
     planned_run = PlannedRun.resolve(

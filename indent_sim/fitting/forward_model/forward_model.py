@@ -185,7 +185,7 @@ class ForwardModel:
             (k for k, parameter in enumerate(self.parameters) if parameter.role == "scale"), None
         )
 
-    @property
+    @cached_property
     def is_time_dependent(self) -> bool:
         """True if the force depends on time."""
         return self.path_forces is not None or relaxation_of(self.config) is not None
@@ -243,7 +243,7 @@ class ForwardModel:
         load_curve = self._load_curve(settings)
         if settings.relaxation is not None and t is not None:
             return self._relaxed_force(load_curve, settings, x, settings.relaxation(t))
-        return self._elastic_force(load_curve, settings, self._depth(load_curve, settings, x))
+        return self._spring_balance(load_curve, settings, x)[1]
 
     def linearize(
         self,
@@ -285,14 +285,15 @@ class ForwardModel:
             return force, self._difference_quotients(theta, x, t, branch)
         settings = self._experiment_settings(theta)
         load_curve = self._load_curve(settings)
-        delta = self._depth(load_curve, settings, x)
-        force, stiffness = self._elastic_force_and_stiffness(load_curve, settings, delta)
+        delta, force, stiffness = self._spring_balance(load_curve, settings, x)
         rows = [
             self._fixed_depth_derivative(k, theta, delta, force, stiffness)
             for k in range(theta.shape[-1])
         ]
-        spring_factor = 1.0 + settings.compliance * stiffness
-        return force, np.stack([*rows, -stiffness], axis=-2) / spring_factor[..., None, :]
+        derivatives = np.stack([*rows, -stiffness], axis=-2)
+        if settings.compliance:
+            derivatives /= (1.0 + settings.compliance * stiffness)[..., None, :]
+        return force, derivatives
 
     @property
     def has_analytic_derivatives(self) -> bool:
@@ -409,18 +410,29 @@ class ForwardModel:
         """Load curve of the unchanged scene."""
         return TabulatedLoadCurve(self.elastic_curves.scene_curve)
 
-    def _depth(
+    def _spring_balance(
         self, load_curve: LoadCurve, settings: ExperimentSettings, x: np.ndarray
-    ) -> np.ndarray:
-        """Return the depths at displacements x of the base; without a spring they are x."""
-        if not settings.compliance:
-            return x
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return depth, force, and stiffness (..., n) at displacements of the base of the spring.
+
+        Without a spring the displacements are the depths.
+        """
+        compliance = settings.compliance
+        if not compliance:
+            return x, *self._elastic_force_and_stiffness(load_curve, settings, x)
+        if isinstance(load_curve, TabulatedLoadCurve) and not settings.extra_exponent:
+            force, stiffness = load_curve.force_and_stiffness_behind_spring(
+                x, compliance * settings.scale, self._curve_rows
+            )
+            force = settings.scale * force
+            return x - compliance * force, force, settings.scale * stiffness
         force = self._solve_spring_balance(
             x,
-            settings.compliance,
+            compliance,
             lambda delta: self._elastic_force_and_stiffness(load_curve, settings, delta),
         )
-        return x - settings.compliance * force
+        delta = x - compliance * force
+        return delta, *self._elastic_force_and_stiffness(load_curve, settings, delta)
 
     def unit_forces(self, delta: np.ndarray) -> np.ndarray:
         """Return the elastic forces of the unchanged scene at depths (..., n) [length].

@@ -313,7 +313,8 @@ class CurveModel:
         rows[..., :-3, :] = derivatives
         rows[..., -3, :] = 1.0
         rows[..., -2, :] = self.baseline_coordinate
-        rows[..., :-1, :] *= self.is_free[:, None]
+        if not self.is_free.all():
+            rows[..., :-1, :] *= self.is_free[:, None]
         rows[..., -1, :] = residual
         return rows if self._factors is None else rows * self._factors[..., None, :]
 
@@ -780,8 +781,8 @@ def fit_model(
     if not guesses:
         negated_samples = Samples(samples.x, -samples.force, samples.t)
         sign_hint = (
-            " (it falls; the force of a tip that is pressed in has to be positive: with --columns, "
-            "a minus before the column of the force turns its sign)"
+            " (it falls; the force of a tip that is pressed in has to be positive: with "
+            "--columns, a minus before the column of the force reverses its sign)"
             if initial_guesses(forward_model, negated_samples, origin)
             else ""
         )

@@ -54,6 +54,7 @@ def minimize_squares(
     metric: Metric,
     rounds: int = 40,
     tolerance: float | None = None,
+    initial_damping: float = 1e-3,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Minimize the weighted sum of squares of every curve.
 
@@ -69,6 +70,8 @@ def minimize_squares(
         Largest number of accepted steps of a curve.
     tolerance : float, optional
         Relative change of the sum of squares at which the iteration ends.
+    initial_damping : float
+        Damping of the first step.
 
     Returns
     -------
@@ -86,7 +89,7 @@ def minimize_squares(
     max_rejections = 8
     p = model.clip_to_bounds(p)
     gram = _gram(model, p, metric)
-    damping = np.full(len(p), 1e-3)
+    damping = np.full(len(p), initial_damping)
     rejections = np.zeros(len(p), dtype=int)
     acceptances = np.zeros(len(p), dtype=int)
     active = np.flatnonzero(np.isfinite(gram).all(axis=(-2, -1)))
@@ -103,11 +106,16 @@ def minimize_squares(
         trial = part.clip_to_bounds(p[active] + part.limit_step(step))
         squares = gram[active, -1, -1]
         trial_gram = _trial_gram(part, trial, metric, squares)
-        is_better = trial_gram[:, -1, -1] < squares
-        improved = active[is_better]
-        rejected = active[~is_better]
-        p[improved] = trial[is_better]
-        gram[improved] = trial_gram[is_better]
+        if model.has_analytic_derivatives:
+            _shorten_steps(part, p[active], gram[active], trial, trial_gram, metric)
+        drop = squares - trial_gram[:, -1, -1]
+        is_better = drop > 0.0
+        p[active[is_better]] = trial[is_better]
+        gram[active[is_better]] = trial_gram[is_better]
+        # A step along a valley that is not smooth may gain next to nothing of what is expected.
+        has_gained = is_better & (drop >= tolerance * squares)
+        improved = active[has_gained]
+        rejected = active[~has_gained]
         damping[improved] = np.maximum(decrease * damping[improved], smallest_damping)
         damping[rejected] *= increase
         rejections[rejected] += 1
@@ -116,6 +124,38 @@ def minimize_squares(
         is_active = (acceptances[active] < rounds) & (rejections[active] < max_rejections)
         active = active[is_active]
     return p, gram[:, -1, -1]
+
+
+def _shorten_steps(
+    model: Regression,
+    p: np.ndarray,
+    gram: np.ndarray,
+    trial: np.ndarray,
+    trial_gram: np.ndarray,
+    metric: Metric,
+) -> None:
+    """Replace trials beyond the minimum of the squares along their steps by this minimum.
+
+    It is that of the parabola through the squares and their slope at p and the squares at the
+    trial. Without it steps across a narrow valley, as of the contact point, alternate between its
+    sides. `trial` and `trial_gram` are changed.
+    """
+    # A step is shortened if the minimum is before this fraction of it, and not to less than the
+    # other fraction.
+    longest = 0.7
+    shortest = 0.1
+    change = trial - p
+    slope = (change * gram[:, :-1, -1]).sum(axis=-1)
+    curvature = trial_gram[:, -1, -1] - gram[:, -1, -1] + 2.0 * slope
+    curves = np.flatnonzero((slope > 0.0) & (slope < longest * curvature))
+    if not len(curves):
+        return
+    fraction = np.maximum(slope[curves] / curvature[curves], shortest)[:, None]
+    shortened = p[curves] + fraction * change[curves]
+    shortened_gram = _gram(model.select(curves), shortened, metric)
+    is_better = shortened_gram[:, -1, -1] < trial_gram[curves, -1, -1]
+    trial[curves[is_better]] = shortened[is_better]
+    trial_gram[curves[is_better]] = shortened_gram[is_better]
 
 
 def _trial_gram(

@@ -85,8 +85,9 @@ def known_baseline(samples: Samples, estimate: Estimate) -> KnownBaseline | None
     if count < MIN_BASELINE_POINTS or is_steep:
         known = _zero_baseline(origin, x, force, noise)
         note = (
-            "no baseline: the curve begins in contact. The level 0 and the slope 0 are taken; if "
-            "the instrument has another zero, say --level X, or --contact-point X"
+            "no baseline: the curve begins in contact. The level and the slope of the baseline "
+            "are assumed to be 0; if the force out of contact is not 0, give --level X, or "
+            "--contact-point X"
         )
         return KnownBaseline(known, samples, note) if known else None
     if not origin.has_slope:
@@ -157,9 +158,10 @@ def _baseline_before_toe(
     return KnownBaseline(
         replace(estimate.model.origin, level=level, slope=slope),
         without_toe,
-        "the force rises before contact as no straight baseline does (a toe): the baseline is that "
-        f"of the {far} samples farthest from the body, {level:.3g} + {slope:.3g} x, and the toe, "
-        f"up to {100 * TOE_FORCE:.0f} % of the force, is left out; --no-slope fits all samples",
+        "before contact the force rises gradually, which a straight baseline cannot describe (a "
+        f"toe): the baseline is that of the {far} samples farthest from the body, {level:.3g} + "
+        f"{slope:.3g} x, and the toe, up to {100 * TOE_FORCE:.0f} % of the force, is left out; "
+        "--no-slope fits all samples",
         tuple(others),
     )
 

@@ -147,7 +147,7 @@ def _requested_roles(layout: TextLayout, requested: Sequence[str], file: str) ->
             notes.append(f"column '{title.text}' is taken for {ROLE_TEXTS[named]} by its title")
             role = named
         if role == "force" and title.kind in ("length", "voltage", "current"):
-            notes.append(f"column '{title.text}' is in {title.unit}: it is taken for a deflection")
+            notes.append(f"column '{title.text}' is in {title.unit}: it is taken as a deflection")
             role = "deflection"
         if title.kind and title.kind not in KINDS[role] and not _is_force(role, title):
             raise ConfigError(
@@ -268,7 +268,8 @@ def _add_roles_by_unit(layout: TextLayout, roles: dict[str, Column]) -> tuple[st
             roles[role] = Column(places[0])
             if is_named and role == "force":
                 notes.append(
-                    f"column '{layout.titles[places[0]].text}' is taken for the force by its unit"
+                    f"column '{layout.titles[places[0]].text}' is taken as the force because of "
+                    "its unit"
                 )
     return tuple(notes)
 

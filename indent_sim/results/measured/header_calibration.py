@@ -93,7 +93,9 @@ def read_calibration(lines: Sequence[str]) -> Calibration:
             calibration = replace(calibration, stiffness=k)
             has_unit = match["key_unit"] or match["unit"]
             if not has_unit and not any(key in line for key in KEYS_IN_SI):
-                notes.append(f"the spring constant {k:.4g} of the header has no unit: N/m is taken")
+                notes.append(
+                    f"the spring constant {k:.4g} of the header has no unit: N/m is assumed"
+                )
         match = SENSITIVITY.search(line)
         if calibration.sensitivity is None and match and (found := _sensitivity(match)):
             calibration = replace(calibration, sensitivity=found[0], signal=found[1])
@@ -109,7 +111,9 @@ def parse_sensitivity(text: str) -> tuple[float, str]:
     factor = _sensitivity_factor(match["unit"]) if match else None
     if match is None or factor is None or not (value := _number(match["value"])) > 0:
         raise ConfigError(
-            "--sensitivity", f"'{text}' is no length per voltage or current", "write 50 nm/V"
+            "--sensitivity",
+            f"'{text}' is not a length divided by a voltage or a current",
+            "write 50 nm/V",
         )
     return value * factor[0], factor[1]
 

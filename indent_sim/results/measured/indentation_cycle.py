@@ -132,8 +132,8 @@ class IndentationCycle:
         fraction = self.F[self.start : self.end] / self.F_max
         if fraction.min() > low * (1 + 1e-9):
             raise UsageError(
-                f"unloading ends at {fraction.min():.0%} of the largest force, above the "
-                f"{low:.0%} down to which it is fitted",
+                f"unloading ends at {fraction.min():.0%} of the largest force, but it is to be "
+                f"fitted down to {low:.0%}",
                 "choose another part with --top, for example --top "
                 f"98:{ceil(100 * fraction.min())}",
             )
@@ -297,8 +297,8 @@ def low_force_hold(t: np.ndarray, h: np.ndarray, F: np.ndarray) -> LowForceHold:
     passing = 2 * scatter / (0.28 * largest) * len(low)
     if len(rows) < max(min_rows, 3 * passing):
         raise UsageError(
-            "--drift hold needs a hold at 2 to 30 % of the largest force after it, and the curve "
-            "has none",
+            "--drift hold needs a hold at 2 to 30 % of the largest force, after this force was "
+            "reached, but the curve has none",
             "give the rate, for example --drift '0.05 nm/s'",
         )
     used = rows[t[rows] >= t[rows[0]] + recovery * (t[rows[-1]] - t[rows[0]])]

@@ -32,7 +32,7 @@ PART_WORDS = {
     **dict.fromkeys(HOLD_WORDS, "hold"),
     **dict.fromkeys(RETRACT_WORDS, "retract"),
 }
-SEPARATION_NOTE = "column 1 falls while the force rises: taken as separation"
+SEPARATION_NOTE = "column 1 falls while the force rises: it is taken as the tip-sample separation"
 SENSITIVITY_KEY = "--sensitivity '50 nm/{unit}'"
 STIFFNESS_KEY = "--set experiment.cantilever.stiffness=..."
 
@@ -163,7 +163,7 @@ class MeasuredCurve:
         }
         stiffness = self.stiffness and self.stiffness * factors["force"] / factors["length"]
         guesses = tuple(
-            f"the file has no unit of {kind}: {wanted[kind]} of the scene is taken"
+            f"the file has no unit of {kind}: {wanted[kind]} is assumed, the unit of the scene"
             for kind in ("length", "force")
             if self.units.get(kind) == "" and wanted.get(kind)
         )

@@ -204,8 +204,7 @@ class _Quantities:
             values.setdefault("delta", -values.pop("separation"))
             values.pop("separation", None)
             notes.append("the depth is the negative of the tip-sample separation")
-        words, word_notes = _part_words(rows, self._layout)
-        notes += word_notes
+        words = _part_words(rows, self._layout)
         for role in ("delta", "z"):
             if role in values:
                 notes += self._turn_inwards(values, role)
@@ -442,13 +441,16 @@ def _segment_word(line: str) -> str:
     return ""
 
 
-def _part_words(rows: _Rows, layout: TextLayout) -> tuple[np.ndarray | None, list[str]]:
-    """Return a word (rows,) that names the part of the curve of each row; None without words."""
+def _part_words(rows: _Rows, layout: TextLayout) -> np.ndarray | None:
+    """Return for each row (rows,) the word of the file that names its part of the curve.
+
+    Such words are approach and retract, for instance. None if the file has no such words.
+    """
     if rows.words is not None:
-        return rows.words, []
+        return rows.words
     named = [(row, word) for row, line in rows.marks if (word := _segment_word(line))]
     if not named:
-        return None, []
+        return None
     # A line of titles that names all parts does not begin one of them.
     above = [line for line in layout.head if line != layout.title_line]
     first = next((word for line in reversed(above) if (word := _segment_word(line))), "approach")
@@ -456,7 +458,7 @@ def _part_words(rows: _Rows, layout: TextLayout) -> tuple[np.ndarray | None, lis
     words = np.full(count, first, dtype=object)
     for row, word in named:
         words[row:] = word
-    return words, []
+    return words
 
 
 def _parts_by_words(words: np.ndarray) -> tuple[dict[str, slice], list[str]]:

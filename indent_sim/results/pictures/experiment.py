@@ -52,6 +52,8 @@ def draw(folder: Path, path: Path | None = None) -> None:
         config.get(f"{section}.force_history") for section in ("loading", "experiment")
     )
     panels = ["depth", *(["base"] if has_base else []), *(["time"] if has_times else ["radius"])]
+    # A body that adheres to a flat has a contact below, too.
+    panels += ["radius_below"] if "a_base" in rows else []
     with new_figure((3.1 + 3.3 * len(panels), 4.4)) as figure:
         panel_axes: dict[str, Axes] = figure.subplot_mosaic([panels])
         report = read_report(folder)
@@ -77,6 +79,9 @@ def draw(folder: Path, path: Path | None = None) -> None:
             draw_branches(panel_axes["time"], rows, "t", t, force)
         else:
             draw_branches(panel_axes["radius"], rows, "a", axis_of_column("a", [results]), force)
+        if "a_base" in rows:
+            below = replace(axis_of_column("a", [results]), name="radius of the contact below")
+            draw_branches(panel_axes["radius_below"], rows, "a_base", below, force)
         draw_figure_legend(figure, panel_axes["depth"])
         draw_title(
             figure,

@@ -443,7 +443,10 @@ class FieldRow:
             zip(*(section.values_in_frame(self.frame) for section in self.sections), strict=True),
         )
         if not inside.size:
-            raise UsageError("no point of the mesh is in view; give a larger --zoom")
+            raise UsageError(
+                "no point of the mesh is in view; widen it by a larger --zoom, its half width in "
+                "contact radii"
+            )
         first = horizontal_axis_name(runs[0])
         kind = self.field.kind
         name = self.field.name.format(r=first, t={"r": r"\theta", "x": "y"}[first])

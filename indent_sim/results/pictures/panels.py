@@ -652,7 +652,10 @@ def _requested_steps(run: Results, request: PlotRequest, panel_kind: str) -> lis
                 f"{run.path} has fields of {len(available)} of {len(run)} steps, "
                 "but an animation (film) needs all"
             )
-            raise UsageError(problem, "run it with --set output.fields=all, or name --steps")
+            raise UsageError(
+                problem,
+                "run the scene again with --set output.fields=all, or choose steps with --steps",
+            )
         return [float(step) for step in history.film_steps(run, available)]
     requested = [available[-1] if word == "last" else word for word in request.steps]
     reduced_run = replace(run, surface={"step": np.array(available, dtype=float)})

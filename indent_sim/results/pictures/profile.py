@@ -192,7 +192,10 @@ def draw_tip(
     length: Axis,
     lift: Profile,
 ) -> None:
-    """Draw the tip at a depth, in the plane through its axis; `lift` deforms a soft tip."""
+    """Draw the section of the tip through its axis at a depth.
+
+    `lift` is the upward displacement of a soft tip's surface over the distance from the axis.
+    """
     s, z = _tip_line(scene, delta, middle, width, length, lift)
     axes.fill(
         np.append(s, [s[-1], s[0]]),

@@ -42,8 +42,10 @@ from typing import Any
 
 import numpy as np
 
+from indent_sim.model.algebra import tan
 from indent_sim.model.contact import Penalty
 from indent_sim.model.state import State
+from indent_sim.model.tilted_tip import TiltedTip
 from indent_sim.model.tips import flat_radius
 from indent_sim.run.error_estimation.coarser_run import (
     CoarserRun,
@@ -445,9 +447,14 @@ class ErrorBars:
             return self._value_at_next_deeper_row(state, name)
         value = abs(getattr(state, name))
         if name in self._side_forces and state.stick_radius == 0:
-            # In full slip the side force is the coefficient of friction times the force.
+            # In full slip the side force is the coefficient of friction times the force, and the
+            # force of the pressure on the slope of the tip.
             friction = float(self._physics.contact.friction)
-            return friction * self.budgets[-1].total + self._step_error(state, name)
+            return (
+                friction * self.budgets[-1].total
+                + self._step_error(state, name)
+                + self._slope_force_error(state, name)
+            )
         contributions = [
             self._mesh_error_of_other_column(state, name),
             self._penalty_error_of_other_column(state.step, name),
@@ -455,6 +462,7 @@ class ErrorBars:
             self._step_error(state, name),
             self._bath_error(state, name),
             self._ridge_pressure_error if name == "p_max" and value > 0 else 0.0,
+            self._oscillation_error(state) if name == "p_max" else 0.0,
         ]
         return sum(contributions)
 
@@ -485,6 +493,13 @@ class ErrorBars:
         difference = value_difference(self._coarse_states, self._run_states, state.step, name)
         estimate = grid_convergence_index(difference, self.coarser_run.ratio, PRESSURE_ORDER)
         return float(np.max([estimate, min_error]))  # NaN if either of the two is NaN
+
+    def _oscillation_error(self, state: State) -> float:
+        """Return the error of p_max by the oscillation of the pressure between two meshed bodies.
+
+        The nodes of one surface lie anywhere on the elements of the other one.
+        """
+        return state.roughness * state.p_max if self._scene.has_two_body_mesh else 0.0
 
     def _element_size_over_peak_width(self, state: State, end_element: float) -> float:
         """Return the element size at the contact edge divided by the width of the pressure peak.
@@ -570,12 +585,23 @@ class ErrorBars:
         of this displacement to the radius.
         """
         tip = self._physics.indenter
-        if not tip.is_axisymmetric or state.a <= 0:
+        if state.a <= 0:
             return 0.0
         slope = float(abs(tip.slope(state.a / self._scales.length)))
+        if isinstance(tip, TiltedTip):
+            slope += float(tan(tip.tilt))
         shift = RADIUS_ERROR * end_element / 2
         # Beyond the end of a tip its slope is infinite or not a number.
         return abs(state.force) * slope * shift / state.a if isfinite(slope) else 0.0
+
+    def _slope_force_error(self, state: State, name: str) -> float:
+        """Return the error of the force of the pressure on the slope of the tip [force]."""
+        L = self._scales.length
+        end_element = self._sizes.surface_size(state.a / L) * L if state.a > 0 else 0.0
+        min_error = self._unbalanced_slope_force(state, end_element)
+        difference = value_difference(self._coarse_states, self._run_states, state.step, name)
+        estimate = grid_convergence_index(difference, self.coarser_run.ratio, PRESSURE_ORDER)
+        return float(np.max([estimate, min_error]))
 
     def _error_of_slide_dissipation(self, state: State) -> float:
         """Return the error of the dissipation due to the error of the side force Q [energy].

@@ -163,9 +163,9 @@ def forceless_row_warnings(
         return []
     steps_text = f"{', '.join(wide_steps[:5])}{' and more' if len(wide_steps) > 5 else ''}"
     return [
-        "the requested accuracy is not required of rows whose force is at most "
-        f"{MIN_FORCE_FRACTION:g} of the largest force; the error estimate exceeds it at steps "
-        f"{steps_text}"
+        "rows need not have the requested accuracy if their force is at most "
+        f"{MIN_FORCE_FRACTION:g} of the largest force; the error estimate exceeds the accuracy "
+        f"at steps {steps_text}"
     ]
 
 
@@ -224,11 +224,11 @@ def _next_refinement(
         )
     if worst.path >= allowed:
         advice = (
-            "give more loading.steps or more values; of a body that yields, a smaller accuracy has "
-            "shorter increments"
+            "give more loading.steps or more values; if the body yields, a smaller accuracy "
+            "makes the increments shorter"
             if first_step_error < resolution.target
-            else f"in the first row it is {first_step_error:.2g}, since this row is a single "
-            "increment from no contact with any number of steps"
+            else f"in the first row it is {first_step_error:.2g}, since it is always reached "
+            "in a single increment from no contact"
         )
         return (
             None,

@@ -58,6 +58,7 @@ from indent_sim.run.model_selection.yield_effect import (
     significant_yield_stress,
     yield_needs,
     yield_source,
+    yielding_scene_needs,
 )
 from indent_sim.scene.prescribed_history import remaining_modulus_fraction
 
@@ -168,7 +169,10 @@ def _inclusion_variant(v: SceneVariants) -> Config:
 def _inclusion_source(v: SceneVariants) -> str:
     """Return the description of the comparison with a body without inclusions."""
     place = v.stand_in_text if v.linear_scene.body.inclusions else ", in three dimensions"
-    return f"the body with its inclusions relative to one without, on one mesh{place}"
+    return (
+        "the body with its inclusions relative to the body without inclusions, on the same "
+        f"mesh{place}"
+    )
 
 
 def _finite_strain_tip(v: SceneVariants) -> Indenter:
@@ -273,7 +277,7 @@ def _has_tilt_estimate(v: SceneVariants) -> bool:
 
 
 def _largest_estimated_tilt(v: SceneVariants) -> float:
-    """Return the largest tilt of the search [degrees]."""
+    """Return the largest tilt of the tip in the search for the threshold [degrees]."""
     # At the limit the tip lies on its flank and the force is infinite.
     return 0.9 * min(largest_tilt(v.tip), 50.0)
 
@@ -334,8 +338,8 @@ def _slide_source(v: SceneVariants) -> str:
     """Return the description of the comparison of a slide with and without friction."""
     return (
         f"friction {v.friction} relative to no friction at the end of the first stretch of the "
-        "slide, at the largest depth, on one mesh at small strain; beside this change of the force "
-        f"{_largest_side_force(v)}"
+        "slide, at the largest depth, on the same mesh at small strain; besides this change of "
+        f"the force {_largest_side_force(v)}"
     )
 
 
@@ -353,7 +357,7 @@ def _no_slip_source(v: SceneVariants) -> str:
     if v.known_no_slip:
         source = v.known_no_slip.source
     return (
-        f"no slip: {source}; the range contains all friction coefficients from "
+        f"no slip: {source}; the range includes the effect of all friction coefficients from "
         f"{SAMPLE_FRICTIONS[0]:g} on"
     )
 
@@ -398,7 +402,7 @@ def _relaxation_source(v: SceneVariants) -> str:
     if total_fraction and t > 0:
         mean_time = sum(fraction * tau for fraction, tau in terms) / total_fraction
         number = f", Deborah number {mean_time / t:.2g}"
-    return f"the history relative to that of an elastic body{number}{v.stand_in_text}"
+    return f"the force in the history relative to that of an elastic body{number}{v.stand_in_text}"
 
 
 def _stiffness_needs(v: SceneVariants) -> str:
@@ -475,7 +479,7 @@ EFFECTS: dict[str, Cases] = {
     "side_walls": (
         Absent("a half-space has no sides", when=lambda v: v.is_half_space),
         Threshold(
-            "theory of a layer with and without the wall",
+            "theory of a layer with the wall relative to that of a layer without it",
             "a frictionless wall at radius",
             lambda v, x: v.theory_ratio(_wall_variant(v, x), v.plain_scene),
             initial=lambda v: min(0.3 / v.config.body.height, _largest_inverse_wall_radius(v)),
@@ -485,13 +489,13 @@ EFFECTS: dict[str, Cases] = {
             when=lambda v: isinstance(v.config.body, UnboundedBody),
         ),
         Comparison(
-            "the strip relative to one with distant walls",
+            "the strip relative to a strip with distant walls",
             lambda v: v.plain_scene,
             _strip_with_distant_walls,
             when=lambda v: isinstance(v.config.body, Strip),
         ),
         Absent(
-            "included in the row of the thickness, which compares the whole body",
+            "included in the row of the thickness, which compares the whole body with a half-space",
             when=lambda v: v.layer_scene is None,
         ),
         Change(
@@ -501,8 +505,9 @@ EFFECTS: dict[str, Cases] = {
         ),
         Range(
             lambda v: (
-                f"range between a body without sides and one with {' or '.join(v.side_supports)} "
-                "sides all around at the distance of the nearest side"
+                "range between an infinitely wide body and one with "
+                f"{' or '.join(v.side_supports)} sides all around at the distance of the nearest "
+                "side"
             ),
             _side_wall_range,
         ),
@@ -543,8 +548,8 @@ EFFECTS: dict[str, Cases] = {
             when=lambda v: len(v.config.layers) < 2 and not getattr(v.config.body, "regions", None),
         ),
         Comparison(
-            "the body with its layers relative to a homogeneous one of the material under the tip"
-            "{v.stand_in_text}",
+            "the body with its layers relative to a homogeneous body of the material under the "
+            "tip{v.stand_in_text}",
             lambda v: v.plain_scene,
             _homogeneous_variant,
         ),
@@ -628,13 +633,14 @@ EFFECTS: dict[str, Cases] = {
             when=lambda v: not isinstance(v.config.body, CurvedBody),
         ),
         Absent(
-            "the {v.config.body.shape} is held by two tips",
+            "the {v.config.body.shape} is compressed between two tips, not on a base",
             when=lambda v: (
                 v.config.body.base == "roller" and isinstance(v.config.body, Ball | Ellipsoid)
             ),
         ),
         Comparison(
-            "the body on its flat relative to one whose base is bonded, each on its own mesh",
+            "the body that rests on a flat relative to one whose base is bonded, each on its "
+            "own mesh",
             lambda v: v.meshed_variant(v.plain_scene),
             lambda v: v.meshed_variant(v.replace_plain_body(base="fixed")),
             when=lambda v: v.config.body.base == "unbonded",
@@ -648,7 +654,7 @@ EFFECTS: dict[str, Cases] = {
     "soft_tip": (
         Absent("the {v.tip_name} is rigid", when=lambda v: not hasattr(v.tip, "material")),
         Comparison(
-            "the soft tip relative to a rigid one, on one mesh{v.stand_in_text}",
+            "the soft tip relative to a rigid one, on the same mesh{v.stand_in_text}",
             lambda v: v.meshed_variant(v.linear_scene),
             lambda v: v.meshed_variant(v.with_rigid_tip(v.linear_scene)),
             when=lambda v: v.config.indenter.elastic_part,
@@ -661,7 +667,7 @@ EFFECTS: dict[str, Cases] = {
             ),
         ),
         Threshold(
-            "theory, with half a ball taken as a flat layer of thickness R{v.stand_in_text}",
+            "theory, in which half a ball is a flat layer of thickness R{v.stand_in_text}",
             "indenter.material.E",
             _soft_tip_ratio,
             initial=lambda v: 1e-3 / v.touched_material.E,
@@ -671,7 +677,7 @@ EFFECTS: dict[str, Cases] = {
     ),
     "plasticity": (
         Absent(
-            "only linear_elastic and hencky bodies may yield",
+            "only bodies with the law linear_elastic or hencky may yield",
             when=lambda v: not isinstance(v.scene.physics.material, YieldingLaw),
         ),
         Absent(
@@ -683,7 +689,12 @@ EFFECTS: dict[str, Cases] = {
             when=lambda v: isfinite(significant_yield_stress(v)),
             needs=yield_needs,
         ),
-        Absent("not estimated: no theory gives the stress of this tip and body"),
+        Unknown(
+            "no theory gives the stress below this tip in a layer that is not thick",
+            when=lambda v: len(v.config.layers) > 1,
+            needs=yielding_scene_needs,
+        ),
+        Unknown("no theory gives the stress of this tip and body", needs=yielding_scene_needs),
     ),
     "tilt": (
         Absent("a tilt does not change a sphere", when=lambda v: isinstance(v.tip, Sphere)),
@@ -768,14 +779,14 @@ EFFECTS: dict[str, Cases] = {
             when=lambda v: v.scene.plan.friction,
         ),
         Comparison(
-            "friction {v.friction} relative to no friction, on one mesh{v.stand_in_text}",
+            "friction {v.friction} relative to no friction, on the same mesh{v.stand_in_text}",
             lambda v: v.contact_variant(friction=v.friction),
             lambda v: v.contact_variant(),
         ),
     ),
     "stick": (
         Comparison(
-            "no slip relative to no friction, on one mesh{v.stand_in_text}",
+            "no slip relative to no friction, on the same mesh{v.stand_in_text}",
             lambda v: v.contact_variant(friction="stick"),
             lambda v: v.contact_variant(),
             when=lambda v: v.friction,
@@ -784,8 +795,8 @@ EFFECTS: dict[str, Cases] = {
     ),
     "adhesion": (
         Comparison(
-            "the contact law with its attraction relative to one without, on one mesh"
-            "{v.stand_in_text}",
+            "the contact law with attraction relative to the same law without it, on the same "
+            "mesh{v.stand_in_text}",
             lambda v: v.contact_variant(adhesion=v.config.contact.adhesion),
             lambda v: v.contact_variant(),
             when=lambda v: v.friction_or_adhesion.get("adhesion"),
@@ -817,7 +828,7 @@ EFFECTS: dict[str, Cases] = {
     ),
     "rate": (
         Unknown(
-            "surface tension does not relax, so the force has no common factor",
+            "surface tension does not relax, so that the force does not relax like the modulus",
             when=lambda v: v.config.body.surface_tension,
         ),
         Unknown(
@@ -847,13 +858,14 @@ EFFECTS: dict[str, Cases] = {
             when=lambda v: v.compliance > 0 and v.config.loading.force_history,
         ),
         Comparison(
-            "error if the displacement of the base is taken for the depth{v.stand_in_text}",
+            "error if the displacement of the cantilever's base is used as the "
+            "depth{v.stand_in_text}",
             lambda v: v.history_variant("cantilever", "frame"),
             lambda v: v.history_variant(),
             when=lambda v: v.compliance > 0,
         ),
         Unknown(
-            "error if the displacement of the base is taken for the depth",
+            "error if the displacement of the cantilever's base is used as the depth",
             needs=_stiffness_needs,
         ),
     ),

@@ -457,7 +457,9 @@ def _recommendation_text(
     else:
         text += "nothing simpler is within the tolerance."
     if config.loading.slide and contact_extra:
-        text += " The side force of the slide needs the friction, whatever the force needs."
+        text += (
+            " The model of the side force needs friction, even if the model of the force does not."
+        )
     # The row "stick" tells the effect of any friction only if the scene has none.
     slip_effect = "friction" if effects["friction"].is_possible else "stick"
     # Effects that the scene can have, but none of the candidate models.

@@ -45,7 +45,7 @@ class VariantSolver:
     def force(self, config: Config) -> float:
         """Return the force of an elastic variant at its last row [force]."""
         if isinstance(config.body, MeshFromFile) and config.body.kinematics == "3d":
-            raise NotConverged("there is no axisymmetric stand-in for a three-dimensional mesh")
+            raise NotConverged("a three-dimensional mesh cannot be replaced by an axisymmetric one")
         last_row = self.rows(config)[-1]
         if not last_row.converged:
             raise NotConverged("the solution of this variant did not converge")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import nan, sqrt
+from math import inf, nan, sqrt
 
 import numpy as np
 
@@ -16,6 +16,8 @@ from indent_sim.run.model_selection.scene_variants import SceneVariants
 from indent_sim.run.model_selection.variant_solver import VariantSolver
 from indent_sim.scene.reference_theory import relative_tip
 from indent_sim.scene.scene import Scene
+from indent_sim.scene.yielding_contact import MAX_ONSET_RADIUS
+from indent_sim.theory.solution import Solution
 from indent_sim.theory.yielding import YieldingSolid, onset_pressure
 
 NAME = "plasticity"
@@ -73,14 +75,32 @@ def onset_yield_stress(v: SceneVariants) -> float:
     """Return the yield stress at which yield begins at the largest depth [pressure].
 
     The yield stress follows from the largest contact pressure of the reference theory, as in a
-    Hertzian contact. The result is NaN without a theory, and infinite or NaN under a sharp tip.
+    Hertzian contact. The result is NaN without a theory and in thin layers, and infinite or NaN
+    under a sharp tip.
     """
     scene = v.scene
-    solution = scene.theory_solution(max(scene.physics.deltas))
-    if solution is None or scene.physics.is_compressed:
+    solution = _local_solution(v)
+    if solution is None:
         return nan
     ratio = onset_pressure(scene.physics.material.constants.nu)
     return solution.largest_pressure() * scene.physics.scales.pressure / ratio
+
+
+def _local_solution(v: SceneVariants) -> Solution | None:
+    """Return the contact at the largest depth if the stress below it is that of a half-space.
+
+    None without a theory, under a plate, and if the first of several layers is not thick.
+    """
+    physics = v.scene.physics
+    solution = v.scene.theory_solution(max(physics.deltas))
+    if solution is None or physics.is_compressed:
+        return None
+    layers = v.config.layers
+    if len(layers) > 1:
+        thickness = (layers[0].thickness or inf) / physics.scales.length
+        is_local = solution.a <= MAX_ONSET_RADIUS * thickness
+        return solution if is_local else None
+    return solution
 
 
 def significant_yield_stress(v: SceneVariants) -> float:
@@ -94,9 +114,9 @@ def significant_yield_stress(v: SceneVariants) -> float:
         depth_ratio = float(np.interp(v.tolerance, FORCE_LOSSES, DEPTH_RATIOS))
         return onset / sqrt(depth_ratio)
     physics = v.scene.physics
-    solution = v.scene.theory_solution(physics.max_depth)
+    solution = _local_solution(v)
     tip = relative_tip(physics.indenter, physics.body)
-    if solution is None or physics.is_compressed or solution.a >= max_radius(tip):
+    if solution is None or solution.a >= max_radius(tip):
         return nan
     if tip.radius_scale(solution.a) is not None:
         return nan
@@ -127,8 +147,17 @@ def significant_yield_stress(v: SceneVariants) -> float:
 def yield_needs(v: SceneVariants) -> str:
     """Return text on the yield stress below which the force changes by the tolerance."""
     yield_stress = significant_yield_stress(v)
-    key = "material.plasticity.yield_stress"
-    return f"above {v.percent:g} % from {key} = {yield_stress:.2g} or less"
+    return f"above {v.percent:g} % from {_yield_stress_key(v)} = {yield_stress:.2g} or less"
+
+
+def yielding_scene_needs(v: SceneVariants) -> str:
+    """Return text on the scene that computes the effect where it is not estimated."""
+    return f"not estimated; a scene with {_yield_stress_key(v)} computes it"
+
+
+def _yield_stress_key(v: SceneVariants) -> str:
+    """Return the key of the yield stress of the material below the tip."""
+    return f"{v.config.material_key(0)}.plasticity.yield_stress"
 
 
 def yield_source(v: SceneVariants) -> str:
@@ -136,4 +165,7 @@ def yield_source(v: SceneVariants) -> str:
     onset = onset_yield_stress(v)
     if onset == onset:
         return f"Hertz and von Mises: yield begins on this path at a yield stress of {onset:.2g}"
-    return "estimate by Johnson's cavity; a sharp tip yields the body from the first contact on"
+    return (
+        "estimate by Johnson's model of an expanding cavity; under a sharp tip the body "
+        "yields from the first contact on"
+    )

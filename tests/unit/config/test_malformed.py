@@ -253,8 +253,8 @@ MALFORMED = [
         edited("order: 2", "order: 1"),
         24,
         "mesh.order",
-        "must be 2, got 1; linear elements were removed: with as many "
-        "unknowns quadratic ones give a force ten times as accurate",
+        "must be 2, got 1; linear elements were removed: with the same number of unknowns, "
+        "quadratic elements give a force that is ten times as accurate",
     ),
     (edited("order: 2", "order: 3"), 24, "mesh.order", "must be 2, got 3"),
     (edited("rtol: 1e-10", "rtol: 1e-6"), 26, "solver.rtol", "must be > 0 and <= 1e-09, got 1e-06"),
@@ -476,7 +476,7 @@ MALFORMED = [
         round_body("shape: cap\n  base_radius: 2.0\n  height: 1.0\n  contact_angle: 50.0"),
         7,
         "body.contact_angle",
-        "contradicts height",
+        "cannot be combined with height",
     ),
     (
         round_body("shape: cap\n  base_radius: 2.0\n  contact_angle: 180.0"),

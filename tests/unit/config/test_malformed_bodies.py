@@ -121,7 +121,7 @@ MALFORMED: list[tuple[dict[str, Any], str, str]] = [
         "body.height",
         "lengths of a body may differ by a factor of at most 100000",
     ),
-    (CAP | {"contact_angle": 53.0}, "body.contact_angle", "contradicts height"),
+    (CAP | {"contact_angle": 53.0}, "body.contact_angle", "cannot be combined with height"),
     (
         EGG | {"height": 0.1},
         "body.height",

@@ -199,4 +199,14 @@ def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     alone[alone.index("out")] = "other"
     refused = CliRunner().invoke(commands.program, alone)
     assert refused.exit_code == 2 and "one curve for each tip" in refused.stderr
+    for wrong, problem in (
+        (["--jobs", "2"], "one fit"),
+        (["--rows", "0:2"], "applies only to a map"),
+        (["--map"], "a map is fitted to the approach"),
+    ):
+        refused = CliRunner().invoke(commands.program, [*together, *wrong])
+        assert refused.exit_code == 2 and problem in refused.stderr, refused.stderr
+    planned = ["fit", "--design", "scene.yaml", "--vary", KEYS[0], "--noise", "0.01"]
+    refused = CliRunner().invoke(commands.program, [*planned, "--other-tip", SHARP])
+    assert refused.exit_code == 2 and "takes no --other-tip" in refused.stderr
     assert math.isfinite(report["curves"][0]["together"]["p"])

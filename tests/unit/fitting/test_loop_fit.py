@@ -166,7 +166,7 @@ def test_what_is_refused() -> None:
     curve = recorded(published_loop(metal), metal.E, np.random.default_rng(0))
     tables = ForwardModelCache()
     loading = FitRequest(scene(), KEYS, "approach")
-    with pytest.raises(ConfigError, match="loading of a cone is one number"):
+    with pytest.raises(ConfigError, match="loading curve of a cone gives only one number"):
         fit_curve(curve, loading, tables)
     with pytest.raises(ConfigError, match="not a loop"):
         fit_curve(curve, FitRequest(scene(), KEYS, "all"), tables)

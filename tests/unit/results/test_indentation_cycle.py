@@ -180,5 +180,7 @@ def test_a_peak_before_the_deepest_row_is_no_relaxation() -> None:
 def test_unloading_must_reach_the_fitted_part() -> None:
     cycle = indentation_cycle(*noisy(loop(FUSED_SILICA, last=0.6), 0.0))
     assert len(cycle.h[cycle.upper_part(0.7, 0.98)]) > 50
-    with pytest.raises(UsageError, match="ends at 60% of the largest force, above the 40%"):
+    with pytest.raises(
+        UsageError, match="ends at 60% of the largest force, but it is to be fitted down to 40%"
+    ):
         cycle.upper_part(0.4, 0.98)

@@ -170,17 +170,18 @@ def test_sensitivities():
     assert parse_sensitivity("0.05um/mV") == (pytest.approx(5e-5), "voltage")
     assert parse_sensitivity("25 nm/nA") == (pytest.approx(25.0), "current")
     for text in ("50", "50 nN/V", "nm/V", "-5 nm/V", "50 nm/s"):
-        with pytest.raises(ConfigError, match="no length per voltage"):
+        with pytest.raises(ConfigError, match="not a length divided by a voltage"):
             parse_sensitivity(text)
 
 
 def test_two_bare_columns_are_a_guess_that_is_said():
     assert read(BARE).is_abscissa_guessed
     curve = read(FALLING)
-    assert "column 1 falls while the force rises: taken as separation" in curve.notes
+    note = "column 1 falls while the force rises: it is taken as the tip-sample separation"
+    assert note in curve.notes
     assert np.all(np.diff(curve.delta) > 0)
     assert not read(BARE, columns=["1", "2"]).is_abscissa_guessed
-    assert "the file has no unit of force: nN of the scene is taken" in curve.notes
+    assert "the file has no unit of force: nN is assumed, the unit of the scene" in curve.notes
 
 
 @pytest.mark.parametrize("titles", ["Distance (um)\tForce (nN)", "[um]\t[nN]"])

@@ -144,6 +144,19 @@ def test_creep_that_goes_on_in_unloading(tmp_path: Path) -> None:
     assert "hold longer" not in " ".join(analysed(tmp_path, exact, nu=0.17).warnings)
 
 
+def test_the_rate_of_creep_of_a_run(tmp_path: Path) -> None:
+    """Rows in time have it as well; the root of the time at 20 rows of a hold is known to 2 %."""
+    made = loop(FUSED_SILICA, rows=30, hold_rows=20, creep=0.02)
+    columns = (made.t[1:], made.h[1:], made.F[1:])
+    rows = zip(*(column.tolist() for column in columns), strict=True)
+    lines = [f"{k},{t},{h},{F},{0.5 * h}" for k, (t, h, F) in enumerate(rows, 1)]
+    table = tmp_path / "force_indentation.csv"
+    table.write_text("\n".join(["step,t,delta,force,a", *lines, ""]))
+    found = analyse(table, HardnessOptions(area="berkovich", nu=0.17))
+    mean_rate = (made.h_max - made.hold_start) / 1.0
+    assert value(found, "dh_dt") == pytest.approx(3 * (1 - (2 / 3) ** 0.5) * mean_rate, rel=0.02)
+
+
 def test_a_wrong_poisson_ratio_is_named(tmp_path: Path) -> None:
     """Behind a diamond tip E_IT follows 1 - nu^2 exactly."""
     exact = loop(FUSED_SILICA)
