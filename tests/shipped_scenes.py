@@ -57,7 +57,6 @@ COARSER = {
     "aluminium_cone.yaml": Run(last=0.02, any=0.06),
     "fused_silica_cone.yaml": Run(last=0.02, any=0.06),
     "sphere_through_yield.yaml": Run(last=0.02, any=0.06),
-    "hard_film_on_aluminium.yaml": Run(last=0.02, any=0.06),
     # the pressure is singular at the punch's edge, and what is asked for there is 1 %
     "flat_punch.yaml": Run(last=0.01),
 }
