@@ -170,9 +170,9 @@ def test_a_film_of_the_material_of_the_substrate() -> None:
 
 @pytest.mark.verify
 def test_a_film_much_thicker_than_the_depth() -> None:
-    """At a depth of 1/15 of the thickness the substrate is not felt (Bueckle's rule: 1/10)."""
+    """At a depth of 1/15 of the thickness the substrate adds 1 % (Bueckle's rule: 1/10)."""
     alone = _curvature("soft", "soft", 0.0)
-    assert _curvature("soft", "hard", 15.0) == pytest.approx(alone, rel=MESH_ERROR)
+    assert _curvature("soft", "hard", 15.0) == pytest.approx(alone, rel=MESH_ERROR + 0.01)
 
 
 def film_scene(film: dict[str, Any], substrate: dict[str, Any], delta: float) -> dict[str, Any]:
@@ -189,9 +189,13 @@ def film_scene(film: dict[str, Any], substrate: dict[str, Any], delta: float) ->
 def test_expected_contact_of_films() -> None:
     """Contact radius within 10 %, force within 25 %: the increments make it 8 % too low.
 
-    The hard film is on a soft substrate at a fifth of its thickness, the soft film at its half.
+    A hard film on a metal at a fifth of its thickness, and a film of the metal on a substrate of
+    the hard material at its half.
     """
-    for film, substrate, delta in ((HARD, SOFT, 0.2), (SOFT, HARD, 0.5)):
+    hard = HARD | {"E": 400.0, "plasticity": {"yield_stress": 8.0}}
+    plasticity = {"yield_stress": 0.28, "hardening": {"n": 0.05}}
+    metal = {"model": "hencky", "E": 70.0, "nu": 0.33, "plasticity": plasticity}
+    for film, substrate, delta in ((hard, metal, 0.2), (metal, hard, 0.5)):
         base = resolve(config_from_mapping(film_scene(film, substrate, delta)))
         row = list(pipeline.states(base, with_surface=False))[-1]
         assert row.a == pytest.approx(base.plan.prediction["a"], rel=0.10)
