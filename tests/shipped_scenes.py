@@ -55,6 +55,7 @@ COARSER = {
     "rubber_block.yaml": Run(any=0.02),
     # the force of a body that yields jumps by a per cent where node after node comes into contact
     "aluminium_cone.yaml": Run(last=0.02, any=0.06),
+    "hard_film_on_aluminium.yaml": Run(last=0.02, any=0.06),
     "fused_silica_cone.yaml": Run(last=0.02, any=0.06),
     "sphere_through_yield.yaml": Run(last=0.02, any=0.06),
     # the pressure is singular at the punch's edge, and what is asked for there is 1 %

@@ -175,6 +175,16 @@ def test_a_film_much_thicker_than_the_depth() -> None:
     assert _curvature("soft", "hard", 15.0) == pytest.approx(alone, rel=MESH_ERROR + 0.01)
 
 
+def test_a_film_is_between_film_and_substrate() -> None:
+    """At a depth equal to the thickness, by more than the error of the meshes."""
+    soft = _curvature("soft", "soft", 0.0)
+    hard = _curvature("hard", "hard", 0.0)
+    on_soft = _curvature("hard", "soft", 1.0)
+    on_hard = _curvature("soft", "hard", 1.0)
+    assert 1.1 * soft < on_soft < 0.9 * hard
+    assert 1.1 * soft < on_hard < 0.9 * hard
+
+
 def film_scene(film: dict[str, Any], substrate: dict[str, Any], delta: float) -> dict[str, Any]:
     """Document of a film of thickness 1 under a cone."""
     layers = [{"thickness": 1.0, "material": film}, {"material": substrate}]
