@@ -324,7 +324,7 @@ def test_a_killed_map_is_continued(folder: Path) -> None:
             stages = reached
         drawn = plot_in_blocks(folder)
         assert drawn.returncode == (0 if (stages == 3).any() else 2), drawn.stderr
-        if (stages == 0).all():
+        if (stages > 0).any() and (stages < 3).all():
             assert "no curve has an interval yet" in drawn.stderr
     assert (stages == 3).all()
     ended = killed_fit(folder, 10**6, "never")
