@@ -413,7 +413,10 @@ def curve_requirements_text(requirements: CurveRequirements, width: int = 120) -
 
 
 def design_text(design: Design) -> str:
-    """Return the expected intervals of a measurement, and correlated parameters, as text."""
+    """Return the intervals of the parameters expected from a planned measurement as text.
+
+    The text also tells which parameters are correlated.
+    """
     rows = [
         ["", *design.parameters],
         ["scene as given", *_interval_texts(design.parameters, design.config)],

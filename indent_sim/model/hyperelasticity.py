@@ -130,7 +130,7 @@ class _IsochoricLaw(ElasticLaw):
 
     @property
     def constants(self) -> Constants:
-        """Small-strain E [pressure] and nu, for a material with given nu (`canonical`)."""
+        """Small-strain E [pressure] and nu; nu must be set, as it is after `canonical`."""
         assert self.nu is not None
         return Constants(2 * self.small_strain_mu * (1 + self.nu), self.nu)
 

@@ -846,7 +846,10 @@ def gap_under_tip(tip: Indenter, gap: Expr) -> Expr:
 
 
 def pass_through_depth(tip: Indenter) -> float:
-    """Return the penetration [length] above which a point may leave the tip on the far side.
+    """Return the penetration [length] above which a surface point may leave at the far side.
+
+    A converged solution with a larger penetration is not accepted, since the point may have been
+    pushed out through the far side of the tip.
 
     The result is half the radius for a sphere, and infinity for other tips.
     """

@@ -179,7 +179,9 @@ def fit_both_contacts(scene: Scene, both_contacts: BothContacts) -> tuple[Punche
     """
     theory = scene.plan.theory
     if theory is None or not isinstance(theory.contact, ContactsInSeries):
-        raise ValueError("the theory has no profile of this tip on this body")
+        raise ValueError(
+            "no theory describes the contacts of this body with the tip and with the flat"
+        )
     a, K, P = both_contacts.upper
     physics = scene.physics
     upper = FittedPunches(a, K, P, theory.contact.upper.tip, physics.contact_modulus)

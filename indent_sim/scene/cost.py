@@ -170,11 +170,12 @@ def _newton_cost(dim: int, work: SolverWork, dofs: float) -> tuple[float, float]
 def _condensed_cost(
     sizes: Sizes, domain: ModelDomain, work: SolverWork, dofs: float
 ) -> tuple[float, float]:
-    """Return memory and time of one factorisation, the solves and small dense systems.
+    """Return memory [bytes] and time [s] of one factorisation and of all linear systems.
 
-    n is the number of candidate nodes times the number of displacement components per node.
+    The linear systems are those of the whole body and the dense ones of the candidate nodes.
     """
     dim = domain.dim
+    # Candidate nodes times displacement components per node.
     n = candidate_count(sizes, domain) * (dim if work.has_friction else 1)
     if dim == 2:
         memory = 6e3 * dofs + DENSE_BYTES * n**2

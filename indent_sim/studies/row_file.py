@@ -425,7 +425,9 @@ def _dataset_places(stream: BinaryIO) -> dict[str, tuple[int, int]]:
     # HDF5 reads the stream itself: another process may replace the file of this name meanwhile.
     with h5py.File(stream, "r") as file:
         if file.attrs.get("program") != PROGRAM or file.attrs.get("layout") != _LAYOUT:
-            raise ValueError("it was not written by this program, or by another version of it")
+            raise ValueError(
+                "it was written by another program, or by another version of this program"
+            )
         places = {}
         for name, kind in _TYPES.items():
             dataset = file[name]

@@ -285,7 +285,10 @@ def draw_scoreboard(rows: Sequence[Row], title: str, path: Path) -> None:
 
 
 def _draw_scoreboard_line(axes: Axes, row_number: int, row: Row) -> None:
-    """Draw one published value: its claimed error as a bar, and both differences."""
+    """Draw a published value and ours by their differences from the exact value.
+
+    The claimed error of the published value is drawn as a band.
+    """
     claimed_percent = 100 * (row["within"] or 0.0)
     is_first = row_number == 0
     band = {"color": "#d9d9d9", "height": 0.6, "zorder": 0}

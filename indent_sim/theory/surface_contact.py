@@ -23,11 +23,11 @@ CONTACT_TOLERANCE = 1e-12
 
 
 class CandidateSetTooSmall(ValueError):
-    """The contact covers all points of the surface, so that more points are needed."""
+    """The contact reaches the last of the candidate nodes, so that more nodes are needed."""
 
     def __init__(self) -> None:
         super().__init__(
-            "the contact covers all points of the surface, which were chosen for the largest "
+            "the contact reaches the last of the candidate nodes, which were chosen for the largest "
             "contact of the history"
         )
 

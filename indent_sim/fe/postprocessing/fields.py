@@ -29,7 +29,7 @@ class Fields:
       them, a vertex on an interface has one row for each adjacent region in all vertex fields, in
       the order of `mesh.grid.split_at_interfaces`.
 
-    At the centroids of cells, in regions that yield means over the cells:
+    At the centroids of cells; in plastic regions, the means over the cells:
 
     * `stress` (cells, 3, 3), the total Cauchy stress [pressure], `von_mises` (cells,) and
       `principal_stresses` (cells, 3), the largest first;

@@ -805,7 +805,10 @@ def fit_model(
 
 
 def _test_baseline(estimate: Estimate) -> Estimate:
-    """Return the estimate with the test of its baseline by the samples out of contact."""
+    """Return the estimate with `p_baseline_shift`, from an F test of its baseline.
+
+    The baseline is compared with the samples out of contact.
+    """
     model = estimate.model
     is_out = samples_out_of_contact(model, estimate.p)
     return replace(

@@ -98,7 +98,10 @@ def auxiliary_scenes(scene: Scene, no_slip: bool) -> list[Scene]:
 
 
 def _undrained_scenes(scene: Scene) -> list[Scene]:
-    """Return the suddenly loaded scene for the film error on this mesh, or an empty list."""
+    """Return the suddenly loaded scene that measures the error of drainage boundary layers.
+
+    The list is empty if no such scene is solved.
+    """
     undrained = sudden_load_scene(scene)
     return [] if undrained is None else [undrained]
 

@@ -133,7 +133,7 @@ def _side_wall_range(v: SceneVariants) -> tuple[float, float, None]:
 
 
 def _substrate_modulus(v: SceneVariants, x: float) -> float:
-    """Return the modulus of a substrate, 1000 E/x."""
+    """Return the modulus of a substrate: 1000 times that of the layer, divided by x."""
     material: Any = v.config.layers[0].material
     # The modulus of a substrate is varied downwards from this multiple of that of the layer.
     max_ratio = 1e3
@@ -667,7 +667,7 @@ EFFECTS: dict[str, Cases] = {
             ),
         ),
         Threshold(
-            "theory, in which half a ball is a flat layer of thickness R{v.stand_in_text}",
+            "theory, in which the soft tip is a flat layer of thickness R{v.stand_in_text}",
             "indenter.material.E",
             _soft_tip_ratio,
             initial=lambda v: 1e-3 / v.touched_material.E,

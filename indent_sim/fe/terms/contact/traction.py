@@ -1,4 +1,6 @@
-"""Contact residual of a law with a potential: int potential(g, lam) dGamma.
+"""Contact residual (weak form) of a law with a potential: int potential(g, lam) dGamma.
+
+These laws are the penalty method, the augmented Lagrangian method and Nitsche's method.
 
 The derivative of the potential with respect to the gap is minus the contact pressure <lam -
 stiffness g>, which acts along the tip's normal. Only unknowns are varied, not a frozen multiplier
