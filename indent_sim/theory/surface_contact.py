@@ -27,8 +27,8 @@ class CandidateSetTooSmall(ValueError):
 
     def __init__(self) -> None:
         super().__init__(
-            "the contact reaches the last of the candidate nodes, which were chosen for the largest "
-            "contact of the history"
+            "the contact reaches the last of the candidate nodes, which were chosen for the "
+            "largest contact of the history"
         )
 
 
