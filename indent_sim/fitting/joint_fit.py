@@ -103,10 +103,12 @@ def fit_together(
     curve = curves[0]
     try:
         with np.errstate(all="ignore"):
-            for curve, one in zip(curves, requests, strict=True):
-                config, samples, sentences = prepare_curve(fitted_part(curve, one), one)
+            for curve, curve_request in zip(curves, requests, strict=True):
+                config, samples, sentences = prepare_curve(
+                    fitted_part(curve, curve_request), curve_request
+                )
                 reject_without_signal(samples)
-                estimates.append(fit_loop(config, one, samples, tables))
+                estimates.append(fit_loop(config, curve_request, samples, tables))
                 scenes.append(config)
                 notes.append(tuple(sentences))
             together = estimate_jointly(estimates, _scene_start(estimates[0]))

@@ -276,8 +276,8 @@ def loop_of_rows(h: np.ndarray, F: np.ndarray, S: np.ndarray, E: float) -> ConeL
     """
     k = np.arange(FIRST_ROW, LOADING_ROWS + 1)
     used = k - 1
-    curvature, curvature_error = _without_step_error(k, F[used] / h[used] ** 2)
-    slope, slope_error = _without_step_error(k, S[used] / h[used])
+    curvature, curvature_error = _extrapolate_increments(k, F[used] / h[used] ** 2)
+    slope, slope_error = _extrapolate_increments(k, S[used] / h[used])
     top = LOADING_ROWS - 1
     xi = (h[top] - h[top:]) * S[top] / F[top]
     recovery, forces = _unloading(xi, F[top:] / F[top])
@@ -306,7 +306,7 @@ def _recovery_estimate(config: Config) -> float:
     return float(min(0.228 * (33.3 / ratio) ** 0.77 * tangent, 0.42))
 
 
-def _without_step_error(k: np.ndarray, values: np.ndarray) -> tuple[float, float]:
+def _extrapolate_increments(k: np.ndarray, values: np.ndarray) -> tuple[float, float]:
     """Extrapolate values (m,) after k (m,) load increments to infinitely many increments.
 
     Return the limit and its relative error. A line in 1/k is fitted; the error is the standard

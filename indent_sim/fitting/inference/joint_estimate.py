@@ -104,7 +104,7 @@ class JointModel:
     @cached_property
     def _slices(self) -> tuple[slice, ...]:
         """Parameters of each curve besides theta."""
-        ends = np.cumsum([self.coordinate_count, *(3 + len(one) for one in self.errors)])
+        ends = np.cumsum([self.coordinate_count, *(3 + len(errors) for errors in self.errors)])
         return tuple(slice(int(low), int(high)) for low, high in pairwise(ends))
 
     @property
@@ -125,16 +125,16 @@ class JointModel:
         """Return the parameters (p,) with the last three of each curve's, and amplitudes of 0."""
         p = np.zeros(self.parameter_count)
         p[: self.coordinate_count] = theta
-        for own, one in zip(self._slices, curves, strict=True):
-            p[own.start : own.start + 3] = one[-3:]
+        for place, parameters in zip(self._slices, curves, strict=True):
+            p[place.start : place.start + 3] = parameters[-3:]
         return p
 
     @cached_property
     def is_free(self) -> np.ndarray:
         """True for the parameters that are fitted (p,)."""
         is_free = np.ones(self.parameter_count, dtype=bool)
-        for own, model in zip(self._slices, self.models, strict=True):
-            is_free[own.start : own.start + 3] = model.is_free[-3:]
+        for place, model in zip(self._slices, self.models, strict=True):
+            is_free[place.start : place.start + 3] = model.is_free[-3:]
         is_free[list(self.fixed)] = False
         return is_free
 
@@ -146,10 +146,10 @@ class JointModel:
         """Return the residuals of all curves, and the amplitudes with a minus (..., n)."""
         parts = []
         amplitudes = []
-        for k, (own, model, errors) in enumerate(
+        for k, (place, model, errors) in enumerate(
             zip(self._slices, self.models, self.errors, strict=True)
         ):
-            a = p[..., own][..., 3:]
+            a = p[..., place][..., 3:]
             parts.append(model.residual(self.curve_parameters(p, k)) - a @ errors)
             amplitudes.append(-a)
         return np.concatenate([*parts, *amplitudes], axis=-1)
@@ -161,16 +161,16 @@ class JointModel:
         rows = np.zeros((*p.shape[:-1], p.shape[-1] + 1, residual.shape[-1]))
         ends = np.cumsum(self.lengths)
         amplitude_row = int(ends[-1])
-        for k, (own, model, errors) in enumerate(
+        for k, (place, model, errors) in enumerate(
             zip(self._slices, self.models, self.errors, strict=True)
         ):
             here = slice(int(ends[k]) - len(model.samples), int(ends[k]))
             derivatives = model.linearize(self.curve_parameters(p, k))
             rows[..., :count, here] = derivatives[..., :count, :]
-            rows[..., own.start : own.start + 3, here] = derivatives[..., count : count + 3, :]
-            first = own.start + 3
-            rows[..., first : own.stop, here] = errors
-            for index in range(first, own.stop):
+            rows[..., place.start : place.start + 3, here] = derivatives[..., count : count + 3, :]
+            first = place.start + 3
+            rows[..., first : place.stop, here] = errors
+            for index in range(first, place.stop):
                 rows[..., index, amplitude_row] = 1.0
                 amplitude_row += 1
         rows[..., :-1, :] *= self.is_free[:, None]
@@ -187,9 +187,9 @@ class JointModel:
         """Return a step (..., p), shortened as the models of the curves shorten theirs."""
         fractions = []
         for k, model in enumerate(self.models):
-            own = self.curve_parameters(step, k)
-            size = np.linalg.norm(own, axis=-1, keepdims=True)
-            limited = np.linalg.norm(model.limit_step(own), axis=-1, keepdims=True)
+            curve_step = self.curve_parameters(step, k)
+            size = np.linalg.norm(curve_step, axis=-1, keepdims=True)
+            limited = np.linalg.norm(model.limit_step(curve_step), axis=-1, keepdims=True)
             fractions.append(limited / np.where(size > 0, size, 1.0) + (size == 0))
         shortened: np.ndarray = step * np.minimum.reduce(fractions)
         return shortened
@@ -280,7 +280,7 @@ def estimate_jointly(
     p, squares = min(solutions, key=lambda solution: solution[1])
     if not np.isfinite(squares):
         raise FitRejected("the curves of the tips have no fit together")
-    model, p, squares = _with_errors_there(model, p, noise)
+    model, p, squares = _fit_with_updated_errors(model, p, noise)
     covariance = model.covariance(p, noise)
     count = model.coordinate_count
     deviations = np.sqrt(np.diag(covariance)[:count])
@@ -292,19 +292,21 @@ def estimate_jointly(
     )
     joined = []
     for k, estimate in enumerate(estimates):
-        own = model.curve_parameters(p, k)
+        curve_parameters = model.curve_parameters(p, k)
         indices = model.own_indices(k)
         uncertainty = replace(
             estimate.uncertainty,
             covariance=covariance[np.ix_(indices, indices)],
             step=np.zeros(len(indices)),
         )
-        joined.append(Estimate(estimate.model, own, own, uncertainty, profiles))
+        joined.append(
+            Estimate(estimate.model, curve_parameters, curve_parameters, uncertainty, profiles)
+        )
     correlation = covariance[:count, :count] / np.outer(deviations, deviations)
     return JointEstimate(tuple(joined), p_together, correlation)
 
 
-def _with_errors_there(
+def _fit_with_updated_errors(
     model: JointModel, p: np.ndarray, noise: JointNoise
 ) -> tuple[JointModel, np.ndarray, float]:
     """Return the model with the errors of loops at its own fit, and the fit with its squares."""
@@ -312,8 +314,8 @@ def _with_errors_there(
     rounds = 3
     squares = np.inf
     for _ in range(rounds):
-        own = [model.curve_parameters(p, k) for k in range(len(model.models))]
-        model = joint_model(model.models, own)
+        parameters = [model.curve_parameters(p, k) for k in range(len(model.models))]
+        model = joint_model(model.models, parameters)
         p, squares = _least_squares(model, p, noise, MAX_ROUNDS)
     return model, p, squares
 
@@ -329,9 +331,9 @@ def _variance(estimate: Estimate) -> float:
 def _separate_squares(estimate: Estimate, noise: JointNoise, k: int) -> float:
     """Return the sum of squares of a curve that is fitted alone, with amplitudes."""
     model = joint_model([estimate.model], [estimate.p])
-    own = JointNoise((noise.noises[k],), (noise.variances[k],), model.lengths)
+    curve_noise = JointNoise((noise.noises[k],), (noise.variances[k],), model.lengths)
     p = model.joined_parameters(estimate.theta, [estimate.p])
-    return _with_errors_there(model, p, own)[2]
+    return _fit_with_updated_errors(model, p, curve_noise)[2]
 
 
 def _least_squares(
