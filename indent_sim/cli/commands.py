@@ -724,6 +724,7 @@ def _scene_or_surrogate(
     config = surrogate_scene.scene_of_surrogate(surrogate, path, overrides, options["keys"])
     stored = config_from_mapping(surrogate.information["scene"])
     surrogate_load_curves.refuse_unusable(surrogate, stored)
+    surrogate_load_curves.refuse_other_keys(surrogate, options["keys"])
     surrogate_load_curves.refuse_other_scene(surrogate, config)
     surrogate_load_curves.refuse_time_stepping(config)
     return config, surrogate

@@ -473,8 +473,9 @@ def _reject_outside_surrogate(estimate: Estimate, low: np.ndarray, high: np.ndar
         return
     shape = [k for k, part in enumerate(forward_model.parameters) if part.role == "shape"]
     lower, upper = forward_model.bounds
-    ends = np.clip(low, lower, upper)[shape], np.clip(high, lower, upper)[shape]
-    if reason := curves.outside_text(*ends):
+    first = np.clip(low, lower, upper)[shape].tolist()
+    last = np.clip(high, lower, upper)[shape].tolist()
+    if reason := curves.outside_text(first, last):
         raise FitRejected(reason)
 
 
@@ -752,10 +753,7 @@ def _load_curve_of(config: Config, forward_model: ForwardModel) -> ElasticLoadCu
 
 def _force_error(estimate: Estimate) -> float:
     """Return the relative error of the forces of a fit: of the mesh, or of the surrogate."""
-    forward_model = estimate.model.forward_model
-    if forward_model.surrogate is None:
-        return forward_model.relative_error
-    return forward_model.load_curve_at(estimate.theta).relative_error
+    return estimate.model.forward_model.relative_error_at(estimate.theta)
 
 
 # ---- entry in fit.json, warnings and sentences

@@ -122,6 +122,8 @@ class ForwardModel:
         If the scene has no solution.
     """
 
+    surrogate: ForceSurrogate | None = None
+
     def __init__(
         self,
         config: Config,
@@ -596,9 +598,11 @@ class ForwardModel:
             values.get(WORK_EXPONENT_KEY, 0.0),
         )
 
-    def load_curve_at(self, theta: np.ndarray) -> ElasticLoadCurve:
-        """Return the elastic load curve at transformed parameters (k,)."""
-        return self.elastic_curves.load_curve(tuple(theta[self._shape_indices]))
+    def relative_error_at(self, theta: np.ndarray) -> float:
+        """Return the relative error of the force at transformed parameters (k,)."""
+        if self.surrogate is not None and isinstance(self.elastic_curves, SurrogateLoadCurves):
+            return self.elastic_curves.relative_error(tuple(theta[self._shape_indices]))
+        return self.relative_error
 
     def add_free_exponent(self, pivot_depth: float) -> ForwardModel:
         """Return the model with the force multiplied by a free power of delta/pivot_depth.

@@ -124,9 +124,9 @@ class SurrogateLoadCurves:
                 f"outside the range of the surrogate: {surrogate.range_text()}"
             )
         self._roots = DEPTH_ROOTS[first:]
-        self._exponent = FIRST_EXPONENTS.get(to_mapping(config)["indenter"]["shape"])
-        if self._exponent is None:
-            self._exponent = self._shallow_exponent()
+        self._operator = _continuation_operator(self._roots)
+        shape = to_mapping(config)["indenter"]["shape"]
+        self._exponent = FIRST_EXPONENTS.get(shape) or self._shallow_exponent()
         scene = plan_elastic_run(config, max_depth).scene
         scales = scene.physics.scales
         self._contact_radius = (
@@ -183,39 +183,82 @@ class SurrogateLoadCurves:
         forces = self._surrogate.continued({**self._values, DEPTH_KEY: depths})
         return float(np.log(forces[1] / forces[0]) / np.log(depths[1] / depths[0]))
 
-    def _load_curve(self, values: Mapping[str, float]) -> ElasticLoadCurve:
-        """Return the load curve at values of the keys."""
+    def _logarithm(self, values: Mapping[str, float]) -> np.ndarray:
+        """Return g at the depths of the surrogate."""
         depths = self._max_depth * self._roots**2
         forces = self._surrogate.continued({**values, DEPTH_KEY: depths})
-        assert self._exponent is not None
-        logarithm = np.log(forces) - self._exponent * np.log(depths)
-        degree = min(SURROGATE_DEGREE, len(self._roots) - 3)
-        domain = (float(self._roots[0]), ROOT_DOMAIN[1])
-        inner = Chebyshev.fit(self._roots, logarithm, degree, domain=domain)
-        # Values of the polynomials at the roots of a Chebyshev polynomial give its coefficients.
-        nodes = chebyshev.chebpts1(4 * DEGREE)
-        roots = ROOT_DOMAIN[0] + 0.5 * (nodes + 1) * (ROOT_DOMAIN[1] - ROOT_DOMAIN[0])
-        below = np.minimum(roots - domain[0], 0.0)
-        linear = inner.deriv(1)(domain[0]) * below
-        quadratic = 0.5 * inner.deriv(2)(domain[0]) * below**2
-        g = inner(np.maximum(roots, domain[0])) + linear + quadratic
-        coefficients = chebyshev.chebfit(nodes, g, DEGREE)
-        fraction = (roots**2) ** self._exponent * np.exp(g - inner(1.0))
-        interpolation = np.abs(chebyshev.chebval(nodes, coefficients) - g)
-        continuation = float(np.max(fraction * (np.abs(quadratic) + interpolation)))
-        error = self._surrogate.error["error"] + self._stated_error
+        logarithm: np.ndarray = np.log(forces) - self._exponent * np.log(depths)
+        return logarithm
+
+    def _load_curve(self, values: Mapping[str, float]) -> ElasticLoadCurve:
+        """Return the load curve at values of the keys, without its error."""
         return ElasticLoadCurve(
             self._max_depth,
             self._exponent,
-            coefficients,
-            relative_error=math.hypot(error, continuation),
+            self._operator @ self._logarithm(values),
             contact_radius=self._contact_radius,
         )
+
+    def relative_error(self, theta: Sequence[float]) -> float:
+        """Return the relative error of the force at coordinates theta of the shape parameters.
+
+        It is that of the surrogate and of the runs of its study, and in quadrature the quadratic
+        term of the continuation to small depths, relative to the largest force.
+        """
+        logarithm = self._logarithm(self._values_at(theta))
+        roots = _chebyshev_roots()
+        g, quadratic = _continuation(self._roots, logarithm, roots)
+        coefficients = self._operator @ logarithm
+        interpolation = np.abs(chebyshev.chebval(_NODES, coefficients) - g)
+        fraction = roots ** (2 * self._exponent) * np.exp(g - logarithm[-1])
+        continuation = float(np.max(fraction * (np.abs(quadratic) + interpolation)))
+        error = float(self._surrogate.error["error"]) + self._stated_error
+        return math.hypot(error, continuation)
 
     @property
     def _stated_error(self) -> float:
         """Largest relative error that the runs of the study state."""
         return float(self._surrogate.information["runs"]["stated_error"])
+
+
+# Points of [-1, 1] at which the polynomial g is determined.
+_NODES = chebyshev.chebpts1(4 * DEGREE)
+
+
+def _chebyshev_roots() -> np.ndarray:
+    """Return the values of s at the points that determine g."""
+    roots: np.ndarray = ROOT_DOMAIN[0] + 0.5 * (_NODES + 1) * (ROOT_DOMAIN[1] - ROOT_DOMAIN[0])
+    return roots
+
+
+def _continuation(
+    given_roots: np.ndarray, logarithm: np.ndarray, roots: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return g at values of s, and the quadratic part of its continuation to small ones.
+
+    Parameters
+    ----------
+    given_roots, logarithm
+        Values of s and of g there (n,).
+    roots
+        Values of s (m,), of which some are smaller than the given ones.
+    """
+    degree = min(SURROGATE_DEGREE, len(given_roots) - 3)
+    first = float(given_roots[0])
+    inner = Chebyshev.fit(given_roots, logarithm, degree, domain=(first, ROOT_DOMAIN[1]))
+    below = np.minimum(roots - first, 0.0)
+    quadratic = 0.5 * inner.deriv(2)(first) * below**2
+    g = inner(np.maximum(roots, first)) + inner.deriv(1)(first) * below + quadratic
+    return g, quadratic
+
+
+def _continuation_operator(given_roots: np.ndarray) -> np.ndarray:
+    """Return the matrix from g at given values of s to its Chebyshev coefficients."""
+    units = np.eye(len(given_roots))
+    roots = _chebyshev_roots()
+    values = [_continuation(given_roots, unit, roots)[0] for unit in units]
+    operator: np.ndarray = chebyshev.chebfit(_NODES, np.array(values).T, DEGREE)
+    return operator
 
 
 def refuse_other_scene(surrogate: ForceSurrogate, config: Config) -> None:
@@ -240,6 +283,19 @@ def refuse_other_scene(surrogate: ForceSurrogate, config: Config) -> None:
             "a fit with adhesion needs flat punches, which a surrogate of the force does not have",
             "fit with the scene",
         )
+
+
+def refuse_other_keys(surrogate: ForceSurrogate, varied_keys: Sequence[str]) -> None:
+    """Raise ConfigError if a fitted key changes the force, but is no key of the surrogate."""
+    known = {*surrogate.ranges, *surrogate.fixed} - {DEPTH_KEY}
+    for key in varied_keys:
+        if key not in known and not key.startswith("experiment.") and ".relaxation" not in key:
+            raise ConfigError(
+                key,
+                "did not vary in the study of the surrogate",
+                f"the surrogate has the keys {', '.join(sorted(known))}: vary one of them, or fit "
+                "with the scene",
+            )
 
 
 def refuse_unusable(surrogate: ForceSurrogate, config: Config) -> None:
