@@ -66,6 +66,7 @@ if TYPE_CHECKING:
     from indent_sim.fitting.map_result import MapFit
     from indent_sim.results.reader import Results
     from indent_sim.run.pipeline import Outcome
+    from indent_sim.studies.surrogate import Surrogate
 
 # Messages on stderr, and the log level of the program's own logger for each.
 Verbosity = Literal["all", "warnings"]
@@ -428,7 +429,12 @@ def _print_curve_requirements(
 
 @program.command()
 @click.argument("curves", metavar="CURVE_OR_FOLDER...", nargs=-1, type=PATH)
-@click.option("--scene", type=PATH, help="Scene used as the model; its loading is ignored.")
+@click.option(
+    "--scene",
+    type=PATH,
+    help="Scene used as the model; its loading is ignored. Or the surrogate of the force of a "
+    "study, which gives the forces without solving a scene; --set gives the values of its keys.",
+)
 @click.option(
     "--design",
     "design_scene",
@@ -581,12 +587,12 @@ def fit(
             )
     output = options.pop("output") or Path("results") / f"fit-{curves[0].resolve().stem}"
     with _quiet_libraries(LOG_LEVELS[verbosity]), raise_on_signals():
-        config = load(scene, overrides)
+        config, surrogate = _scene_or_surrogate(scene, overrides, options)
         print_progress = print_stderr if verbosity == "all" else _discard_line
-        map_fit = _fit_map(curves, config, output, print_progress, **options)
+        map_fit = _fit_map(curves, config, surrogate, output, print_progress, **options)
         if map_fit is not None:
             return _print_map(map_fit, output, output_format)
-        fits = _fit_curves(curves, config, output, print_progress, **options)
+        fits = _fit_curves(curves, config, surrogate, output, print_progress, **options)
     if fits.exit_code:
         failure = errors.NotConverged(
             f"no curve could be fitted; reason for the first one: {fits.entries[0]['reason']}"
@@ -647,6 +653,7 @@ def _discard_line(line: str) -> None:
 def _fit_map(
     curves: tuple[Path, ...],
     config: Config,
+    surrogate: Surrogate | None,
     output: Path,
     print_progress: Callable[[str], None],
     **options: Any,
@@ -655,13 +662,18 @@ def _fit_map(
     from indent_sim.fitting import map_folder, map_source
     from indent_sim.fitting.joint_fit import scenes_of_tips
 
-    request = _fit_request(config, options)
+    request = _fit_request(config, surrogate, options)
     if request.other_tips:
         # They need --segment both, of which no map is fitted.
         scenes_of_tips(request)
     reading = _reading_options(options)
     source = map_source.MapSource(curves, reading, options["grid"], options["rows"])
     measured_map = map_source.find_map(source, request, options["as_map"])
+    if measured_map is not None and surrogate is not None:
+        raise UsageError(
+            "--scene SURROGATE: a map is fitted by solutions of its scene",
+            "give the scene, or --no-map to fit curve by curve with the surrogate",
+        )
     if measured_map is None:
         if wrong := [name for name in ("thickness", "rows") if options[name]]:
             raise UsageError(f"--{wrong[0]} applies only to a map", "leave it out, or add --map")
@@ -692,7 +704,35 @@ def _print_map(map_fit: MapFit, output: Path, output_format: OutputFormat) -> No
         print_stdout(str(output))
 
 
-def _fit_request(config: Config, options: Mapping[str, Any]) -> FitRequest:
+def _scene_or_surrogate(
+    path: Path, overrides: tuple[str, ...], options: Mapping[str, Any]
+) -> tuple[Config, Surrogate | None]:
+    """Return the scene of a fit, and the surrogate if the file is one.
+
+    Raises ConfigError if the surrogate is not usable in the fit.
+    """
+    from indent_sim.config.scene_file import load
+    from indent_sim.studies import surrogate_scene
+
+    if not surrogate_scene.is_surrogate_file(path):
+        return load(path, overrides), None
+    from indent_sim.config.scene_file import config_from_mapping
+    from indent_sim.fitting.forward_model import surrogate_load_curves
+    from indent_sim.studies.surrogate import read_surrogate
+
+    surrogate = read_surrogate(path)
+    config = surrogate_scene.scene_of_surrogate(surrogate, path, overrides, options["keys"])
+    stored = config_from_mapping(surrogate.information["scene"])
+    surrogate_load_curves.refuse_unusable(surrogate, stored)
+    surrogate_load_curves.refuse_other_keys(surrogate, options["keys"])
+    surrogate_load_curves.refuse_other_scene(surrogate, config)
+    surrogate_load_curves.refuse_time_stepping(config)
+    return config, surrogate
+
+
+def _fit_request(
+    config: Config, surrogate: Surrogate | None, options: Mapping[str, Any]
+) -> FitRequest:
     """Return the settings of a fit from the options of the command line."""
     from indent_sim.fitting.curve_fit import FitRequest, keys_of_part
     from indent_sim.fitting.inference.estimate import OriginOptions
@@ -702,13 +742,20 @@ def _fit_request(config: Config, options: Mapping[str, Any]) -> FitRequest:
     origin = OriginOptions(options["contact_point"], has_slope, level)
     keys = keys_of_part(options["keys"], options["segment"])
     return FitRequest(
-        config, keys, options["segment"], origin, options["models"], options["other_tips"]
+        config,
+        keys,
+        options["segment"],
+        origin,
+        options["models"],
+        options["other_tips"],
+        surrogate,
     )
 
 
 def _fit_curves(
     curves: tuple[Path, ...],
     config: Config,
+    surrogate: Surrogate | None,
     output: Path,
     print_progress: Callable[[str], None],
     **options: Any,
@@ -717,7 +764,7 @@ def _fit_curves(
     from indent_sim.fitting import fit_folder
 
     reading = _reading_options(options)
-    request = _fit_request(config, options)
+    request = _fit_request(config, surrogate, options)
     return fit_folder.fit_curves(curves, request, output, reading, options["jobs"], print_progress)
 
 

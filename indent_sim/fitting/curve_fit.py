@@ -20,6 +20,7 @@ from indent_sim.fitting.forward_model.cone_loop import (
     YIELD_STRESS_KEY,
 )
 from indent_sim.fitting.forward_model.elastic_load_curve import (
+    ElasticLoadCurve,
     elastic_config,
     plan_elastic_run,
     solve_load_curve,
@@ -47,6 +48,11 @@ from indent_sim.fitting.forward_model.parameters import (
     SPRING_KEYS,
     number_at,
     replace_numbers,
+)
+from indent_sim.fitting.forward_model.surrogate_load_curves import (
+    ForceSurrogate,
+    SurrogateLoadCurves,
+    surrogate_identity,
 )
 from indent_sim.fitting.inference import alternative_models
 from indent_sim.fitting.inference.alternative_models import AlternativeModel, add_to_experiment
@@ -89,6 +95,10 @@ MIN_DIGITS = 4
 MAX_DIGITS = 10
 INTERVAL_KEYS = ("value", "low", "high")  # keys of an interval in fit.json
 ModelChoice = Literal["needed", "all"]
+SURROGATE_NOTE = (
+    "the forces come from a surrogate, whose error is in the intervals; adhesion, and a thickness "
+    "that the scene does not have, are not fitted as other models"
+)
 
 
 @dataclass(frozen=True)
@@ -108,6 +118,8 @@ class FitRequest:
     other_tips
         Keys and values of the tips of the second and further curves, "KEY=VALUE"; all curves are
         then fitted together.
+    surrogate
+        Surrogate that gives the elastic forces; None to solve the scene.
     """
 
     config: Config
@@ -116,6 +128,7 @@ class FitRequest:
     origin: OriginOptions = field(default_factory=OriginOptions)
     models: ModelChoice = "needed"
     other_tips: tuple[str, ...] = ()
+    surrogate: ForceSurrogate | None = None
 
 
 @dataclass(frozen=True)
@@ -288,6 +301,9 @@ def _fit_and_assess(
     assessment = _assess_model(
         add_profile_intervals(estimate), config, request.models, tables, errors
     )
+    if tables.surrogate is not None:
+        reject_interval_outside_surrogate(assessment)
+        notes.append(SURROGATE_NOTE)
     return curve_result(curve.name, assessment, config, tuple(notes), start_time)
 
 
@@ -314,6 +330,7 @@ def _fit_elastic(
     toe.
     """
     estimate = _fit_load_curve(config, request, samples, tables)
+    reject_outside_surrogate(estimate)
     known = None
     if not estimate.model.forward_model.has_adhesion:
         known = known_baseline(samples, estimate)
@@ -329,6 +346,7 @@ def _fit_elastic(
         return estimate, [], ()
     if not known.fits(known_estimate, estimate):
         return estimate, [], ()
+    reject_outside_surrogate(known_estimate)
     differences = [np.abs(other.theta - known_estimate.theta) for other in others]
     # Twice the largest difference between fits that leave out less or more of the toe bounds the
     # difference from a curve without a toe.
@@ -432,6 +450,33 @@ def reject_outside_range(estimate: Estimate) -> None:
             "which loading and unloading are tabulated: check units, half angle and frame "
             "compliance"
         )
+
+
+def reject_outside_surrogate(estimate: Estimate) -> None:
+    """Raise FitRejected if the parameters are outside the range of the surrogate of a fit."""
+    theta = estimate.theta
+    _reject_outside_surrogate(estimate, theta, theta)
+
+
+def reject_interval_outside_surrogate(assessment: ModelAssessment) -> None:
+    """Raise FitRejected if an interval leaves the range of the surrogate of a fit."""
+    estimate = assessment.estimate
+    intervals = [assessment.statistical_interval(k) for k in range(len(estimate.theta))]
+    _reject_outside_surrogate(estimate, *np.array(intervals).reshape(-1, 2).T)
+
+
+def _reject_outside_surrogate(estimate: Estimate, low: np.ndarray, high: np.ndarray) -> None:
+    """Raise FitRejected if a box of transformed parameters leaves the range of the surrogate."""
+    forward_model = estimate.model.forward_model
+    curves = forward_model.elastic_curves
+    if not isinstance(curves, SurrogateLoadCurves):
+        return
+    shape = [k for k, part in enumerate(forward_model.parameters) if part.role == "shape"]
+    lower, upper = forward_model.bounds
+    first = np.clip(low, lower, upper)[shape].tolist()
+    last = np.clip(high, lower, upper)[shape].tolist()
+    if reason := curves.outside_text(first, last):
+        raise FitRejected(reason)
 
 
 def _fit_along_path(
@@ -658,7 +703,7 @@ def _assess_model(
     if is_wanted and not forward_model.follows_loop:
         alternatives = alternative_models.fit_alternatives(estimate, config, tables)
     half_widths = systematic_half_widths(
-        estimate, forward_model.relative_error, relative_calibration_error(config, forward_model)
+        estimate, _force_error(estimate), relative_calibration_error(config, forward_model)
     )
     if errors:
         half_widths = tuple(map(math.hypot, half_widths, errors))
@@ -678,24 +723,37 @@ def relative_calibration_error(config: Config, forward_model: ForwardModel) -> f
         return 0.0
     radius_error = 0.0
     if calibration.R:
-        radius_error = _radius_exponent(config, forward_model.max_depth) * calibration.R
+        radius_error = _radius_exponent(config, forward_model) * calibration.R
     return math.hypot(calibration.stiffness, radius_error)
 
 
-def _radius_exponent(config: Config, max_depth: float) -> float:
+def _radius_exponent(config: Config, forward_model: ForwardModel) -> float:
     """Return n = d ln F / d ln R at the largest depth, by a central difference.
 
     A relative error of the tip radius R changes the modulus by n times this error.
     """
     R = number_at(config, "indenter.R")
-    depths = np.array([max_depth])
+    depths = np.array([forward_model.max_depth])
     variation = 0.05
     factors = (1.0 - variation, 1.0 + variation)
     scenes = (replace_numbers(config, {"indenter.R": factor * R}) for factor in factors)
     lower_force, upper_force = (
-        float(solve_load_curve(scene, max_depth).force(depths)[0]) for scene in scenes
+        float(_load_curve_of(scene, forward_model).force(depths)[0]) for scene in scenes
     )
     return math.log(upper_force / lower_force) / math.log(factors[1] / factors[0])
+
+
+def _load_curve_of(config: Config, forward_model: ForwardModel) -> ElasticLoadCurve:
+    """Return the load curve of a scene from the surrogate of a forward model, or a solution."""
+    max_depth = forward_model.max_depth
+    if forward_model.surrogate is None:
+        return solve_load_curve(config, max_depth)
+    return SurrogateLoadCurves(forward_model.surrogate, config, (), max_depth).scene_curve
+
+
+def _force_error(estimate: Estimate) -> float:
+    """Return the relative error of the forces of a fit: of the mesh, or of the surrogate."""
+    return estimate.model.forward_model.relative_error_at(estimate.theta)
 
 
 # ---- entry in fit.json, warnings and sentences
@@ -761,7 +819,7 @@ def _report_entry(
         entry |= {"together": {"p": assessment.together.p_together}}
     entry |= {
         "hertz": _hertz_comparison(assessment, config),
-        "model_error": forward_model.relative_error,
+        "model_error": _force_error(estimate),
     }
     return entry | {
         "warnings": [*notes, *_warnings(assessment), *_scale_warnings(estimate, config)],
@@ -889,13 +947,16 @@ def _warnings(assessment: ModelAssessment) -> list[str]:
             f"the baseline rises by {100 * estimate.p[-1] / estimate.max_force:.0f} % of the "
             f"force: {hint}"
         )
-    error = estimate.model.forward_model.relative_error
+    error = _force_error(estimate)
     sd = estimate.sd[: len(parameters)]
     # 0.65 is a third of the half width 1.96 sd of a 95 % interval.
+    source, remedy = "mesh", "use a finer mesh"
+    if estimate.model.forward_model.surrogate is not None:
+        source, remedy = "surrogate", "fit with the scene, or give the study more points"
     if len(sd) and error > 0.65 * float(np.min(sd[sd > 0], initial=np.inf)):
         messages.append(
-            f"the error of the mesh is {100 * error:.2g} %, more than a third of the half width "
-            "of the interval: use a finer mesh"
+            f"the error of the {source} is {100 * error:.2g} %, more than a third of the half "
+            f"width of the interval: {remedy}"
         )
     return messages
 
@@ -1123,6 +1184,8 @@ def request_identity(request: FitRequest) -> Mapping[str, Any]:
         "vary": list(request.varied_keys),
         "part": request.curve_part,
     }
+    if request.surrogate is not None:
+        record["surrogate"] = surrogate_identity(request.surrogate)
     origin = {name: value for name, value in vars(request.origin).items() if name != "slope"}
     if origin["level"] is None:
         origin.pop("level")

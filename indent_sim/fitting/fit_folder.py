@@ -236,6 +236,8 @@ def tell_cost(request: FitRequest, tell: ReportLine) -> None:
     if request.config.yields:
         refuse_other_scenes(request.config, tuple(request.varied_keys))
         return tell(loop_cost(request.varied_keys, 1 + len(request.other_tips)))
+    if request.surrogate is not None:
+        return
     planned_run = PlannedRun.resolve(request.config)
     if not planned_run.scene.is_meshed:
         return
@@ -465,7 +467,7 @@ def _run_tasks(tasks: Iterator[Any], request: FitRequest, jobs: int) -> Iterator
     if jobs > 1:
         yield from _run_in_processes(tasks, request, jobs)
         return
-    tables = ForwardModelCache()
+    tables = ForwardModelCache(request.surrogate)
     for task in tasks:
         yield _fit_and_write(task, request, tables) if isinstance(task, _FitTask) else task
 
@@ -514,8 +516,12 @@ def _run_in_processes(tasks: Iterator[Any], request: FitRequest, jobs: int) -> I
 
 
 def _fit_in_child(task: _FitTask, request: FitRequest) -> Entry:
-    """Fit one curve in a child process, which keeps its forward models for later curves."""
-    return _fit_and_write(task, request, _forward_models())
+    """Fit one curve in a child process, which keeps its forward models for later curves.
+
+    Forward models of a surrogate are computed for each curve, since they cost little.
+    """
+    tables = ForwardModelCache(request.surrogate) if request.surrogate else _forward_models()
+    return _fit_and_write(task, request, tables)
 
 
 @cache

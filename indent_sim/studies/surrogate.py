@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -88,7 +89,8 @@ class Surrogate:
     error
         Error at held-out runs; see docs/study.md.
     information
-        Title, units and number of runs of the study.
+        Title, units and number of runs of the study, and the scene of a run with the varied keys in
+        the middle of their ranges. Files of earlier versions have no scene.
     """
 
     column: str
@@ -128,10 +130,23 @@ class Surrogate:
                 f"the range is {self.range_text()}; the method `inside` tells which points are "
                 "inside",
             )
+        return self._column(values, self.unit_points(points)).reshape(shape)
+
+    def continued(self, keys: Mapping[str, Any]) -> np.ndarray:
+        """Return the column at any values of the keys, also outside the range of the study.
+
+        Outside the range the error is unknown. The coordinates are those of the nearest point of
+        the bounding box of the range, so that the column is finite and continuous.
+        """
+        values, shape = self.values_of(keys)
+        unit_points = self.unit_points(self.points_of(values), is_clipped=True)
+        return self._column(values, unit_points).reshape(shape)
+
+    def _column(self, values: Mapping[str, np.ndarray], unit_points: np.ndarray) -> np.ndarray:
+        """Return the column at values of the keys and variables of the polynomial."""
         scale = np.exp(_log_product(self.scale, values))
-        fitted = self.polynomial(self.unit_points(points))
-        column = scale * (np.exp(fitted) if self.is_logarithmic else fitted)
-        return column.reshape(shape)
+        fitted = self.polynomial(unit_points)
+        return scale * (np.exp(fitted) if self.is_logarithmic else fitted)
 
     def inside(self, keys: Mapping[str, Any]) -> np.ndarray:
         """Return for each point whether it is inside the range of the study."""
@@ -182,9 +197,14 @@ class Surrogate:
         kept = np.array([row for row in generators if any(row)])
         return Zonotope(self.points_of(middle)[0], kept)
 
-    def unit_points(self, points: np.ndarray) -> np.ndarray:
-        """Return points of the bounding box as variables of the polynomial in [-1, 1]^d."""
+    def unit_points(self, points: np.ndarray, is_clipped: bool = False) -> np.ndarray:
+        """Return points of the bounding box as variables of the polynomial in [-1, 1]^d.
+
+        With `is_clipped`, other points are moved to the nearest point of the box.
+        """
         x = (points - self._zonotope.center) / self._zonotope.half_widths
+        if is_clipped:
+            x = np.clip(x, -1.0, 1.0)
         stretch = np.array([coordinate.stretch for coordinate in self.coordinates])
         return (x - stretch) / (1 - stretch * x)
 
@@ -333,7 +353,7 @@ def _surrogate_of(data: Mapping[str, Any]) -> Surrogate:
             parse_condition(text)
         except ConditionError as error:
             raise ValueError(f"its condition {error}") from None
-    names = ("title", "units", "study", "runs")
+    names = ("title", "units", "study", "runs", "scene")
     for name in ("quantile", "error", "largest", "held_out", "variance_share"):
         float(data["error"][name])
     surrogate = Surrogate(
@@ -350,12 +370,16 @@ def _surrogate_of(data: Mapping[str, Any]) -> Surrogate:
         {name: data[name] for name in names if name in data},
     )
     # In an undamaged file the surrogate has a value in the middle of its range.
-    middle = {
-        key: np.sqrt(low * high) if low > 0 else (low + high) / 2
+    surrogate.inside(middle_values(ranges))
+    return surrogate
+
+
+def middle_values(ranges: Mapping[str, tuple[float, float]]) -> dict[str, float]:
+    """Return a value of each key in the middle of its range."""
+    return {
+        key: math.sqrt(low * high) if low > 0 else (low + high) / 2
         for key, (low, high) in ranges.items()
     }
-    surrogate.inside(middle)
-    return surrogate
 
 
 def _powers(data: Mapping[str, Any]) -> dict[str, float]:

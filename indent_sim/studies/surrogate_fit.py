@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import csv
 import io
 from collections.abc import Mapping, Sequence
@@ -21,6 +22,7 @@ from indent_sim.config.key_dimensions import (
     key_numbers,
 )
 from indent_sim.config.scene_file import to_mapping
+from indent_sim.config.strict_yaml import key_path
 from indent_sim.process.errors import ConfigError, UsageError, VerificationError
 from indent_sim.studies import study_folder
 from indent_sim.studies.cases import CaseBuilder
@@ -28,7 +30,7 @@ from indent_sim.studies.chebyshev_sum import ChebyshevSum
 from indent_sim.studies.dimensionless_groups import Powers, find_groups, powers_text
 from indent_sim.studies.polynomial_fit import fit_polynomial
 from indent_sim.studies.study_file import StudyFile
-from indent_sim.studies.surrogate import Coordinate, Surrogate
+from indent_sim.studies.surrogate import Coordinate, Surrogate, middle_values
 
 SURROGATE_COLUMNS = ("force", "a", "p_max")
 # Largest number of rows of the table that are read, and to which the polynomial is fitted.
@@ -260,9 +262,10 @@ def _surrogate_without_polynomial(study: StudyFile, table: RunTable, column: str
     )
     units = {"length": config.units.length, "force": config.units.force}
     runs = {"fitted": len(table.column), "failed": table.failed}
+    ranges = {key: _range(study, key, values) for key, values in varying.items()}
     return Surrogate(
         column,
-        {key: _range(study, key, values) for key, values in varying.items()},
+        ranges,
         fixed_values,
         coordinates,
         constant,
@@ -276,8 +279,23 @@ def _surrogate_without_polynomial(study: StudyFile, table: RunTable, column: str
             "units": units,
             "study": str(study.path),
             "runs": runs | {"stated_error": table.stated_error},
+            "scene": _scene(document, ranges),
         },
     )
+
+
+def _scene(
+    document: Mapping[str, Any], ranges: Mapping[str, tuple[float, float]]
+) -> dict[str, Any]:
+    """Return the document of a run with the varied keys in the middle of their ranges."""
+    scene = copy.deepcopy(dict(document))
+    for key, value in middle_values(ranges).items():
+        *path, last = key_path(key)
+        section: Any = scene
+        for part in path:
+            section = section[part]
+        section[last] = value
+    return scene
 
 
 def _range(study: StudyFile, key: str, values: np.ndarray) -> tuple[float, float]:

@@ -370,7 +370,7 @@ def plan_elastic_run(config: Config, max_depth: float) -> PlannedRun:
             "a fit needs a body with one adhesive contact",
             "fit the approach of the scene without experiment.adhesion",
         )
-    document = _elastic_document(config)
+    document = elastic_document(config)
     planned_run = PlannedRun.resolve(
         config_from_mapping(document | {"loading": {"delta": float(max_depth), "steps": 1}})
     )
@@ -383,7 +383,7 @@ def plan_elastic_run(config: Config, max_depth: float) -> PlannedRun:
     )
 
 
-def _elastic_document(config: Config) -> dict[str, Any]:
+def elastic_document(config: Config) -> dict[str, Any]:
     """Return the document of a scene without experiment, relaxation and flow."""
     document = to_mapping(config)
     document.pop("experiment", None)
@@ -399,7 +399,7 @@ def _elastic_document(config: Config) -> dict[str, Any]:
 
 def elastic_config(config: Config, max_depth: float) -> Config:
     """Return the scene without experiment, with drained elastic material, to a depth."""
-    return config_from_mapping(_elastic_document(config) | {"loading": {"delta": float(max_depth)}})
+    return config_from_mapping(elastic_document(config) | {"loading": {"delta": float(max_depth)}})
 
 
 def solve_load_curve(

@@ -39,6 +39,11 @@ from indent_sim.fitting.forward_model.parameters import (
     parameters_of,
     replace_numbers,
 )
+from indent_sim.fitting.forward_model.surrogate_load_curves import (
+    ForceSurrogate,
+    SurrogateLoadCurves,
+    refuse_time_stepping,
+)
 from indent_sim.process.errors import ConfigError
 from indent_sim.run.history_on_curve import relaxation_modulus
 
@@ -106,14 +111,18 @@ class ForwardModel:
         Largest depth of the load curves [length].
     measured_path
         Load path of the tip, for poroelastic scenes and stress relaxation in shear only.
+    surrogate
+        Surrogate that gives the elastic forces; None to solve the scene.
 
     Raises
     ------
     ConfigError
-        If the scene is not valid.
+        If the scene is not valid, or not that of the surrogate.
     ForwardModelUnavailable
         If the scene has no solution.
     """
+
+    surrogate: ForceSurrogate | None = None
 
     def __init__(
         self,
@@ -121,8 +130,10 @@ class ForwardModel:
         varied_keys: Sequence[str],
         max_depth: float,
         measured_path: MeasuredPath | None = None,
+        surrogate: ForceSurrogate | None = None,
     ):
         self.config = config
+        self.surrogate = surrogate
         self.varied_keys = tuple(varied_keys)
         self.max_depth = max_depth
         self.parameters = parameters_of(config, varied_keys, max_depth)
@@ -144,9 +155,16 @@ class ForwardModel:
         shape_parameters = [self.parameters[k] for k in self._shape_indices]
         is_time_stepped = needs_time_stepping(config)
         curve_parameters = [] if is_time_stepped else shape_parameters
-        self.elastic_curves = ElasticLoadCurveGrid(
-            config, curve_parameters, max_depth, self.has_adhesion
-        )
+        self.elastic_curves: ElasticLoadCurveGrid | SurrogateLoadCurves
+        if self.surrogate is None:
+            self.elastic_curves = ElasticLoadCurveGrid(
+                config, curve_parameters, max_depth, self.has_adhesion
+            )
+        else:
+            refuse_time_stepping(config)
+            self.elastic_curves = SurrogateLoadCurves(
+                self.surrogate, config, curve_parameters, max_depth
+            )
         if is_time_stepped:
             self.path_forces = _build_path_forces(
                 config, shape_parameters, measured_path, self.elastic_curves.scene_curve
@@ -322,6 +340,7 @@ class ForwardModel:
 
     def copy_for_depth(self, max_depth: float) -> ForwardModel:
         """Return a copy of the model of a self-similar scene for another largest depth."""
+        assert isinstance(self.elastic_curves, ElasticLoadCurveGrid)
         model = copy.copy(self)
         model.__dict__.pop("tabulated_curve", None)
         model.max_depth = max_depth
@@ -578,6 +597,12 @@ class ForwardModel:
             extra_exponent,
             values.get(WORK_EXPONENT_KEY, 0.0),
         )
+
+    def relative_error_at(self, theta: np.ndarray) -> float:
+        """Return the relative error of the force at transformed parameters (k,)."""
+        if self.surrogate is not None and isinstance(self.elastic_curves, SurrogateLoadCurves):
+            return self.elastic_curves.relative_error(tuple(theta[self._shape_indices]))
+        return self.relative_error
 
     def add_free_exponent(self, pivot_depth: float) -> ForwardModel:
         """Return the model with the force multiplied by a free power of delta/pivot_depth.
