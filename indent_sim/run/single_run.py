@@ -508,9 +508,8 @@ class SingleRun:
         # Lower bound of the force scale, relative to the largest force so far. A body without
         # contact has no force to compare with; Newton's method treats 1e-14 of the largest
         # reactions as round-off (fe/solve/newton.py), which adds up to at most 1e-12 of them over
-        # 1e4 nodes. The nodal forces of a body with residual stresses remain those of the largest
-        # force: where the contact of a cone on steel was lost, 1.2e-12 of that force remained.
-        min_force_scale = 1e-3 if physics.yields else 1e-4
+        # 1e4 nodes.
+        min_force_scale = 1e-4
         force_scale = max(
             abs(state.force), abs(state.reaction), min_force_scale * largest, tensile_force
         )

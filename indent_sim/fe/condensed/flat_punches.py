@@ -68,7 +68,8 @@ class BothContacts:
         self._C = contact.compliance.C - flat.spring * np.outer(flat.signs, flat.signs)
         self._on_flat = flat.signs < 0
         forces = np.abs(contact.F)
-        above, below = forces[~self._on_flat].sum(), forces[self._on_flat].sum()
+        above = forces[~self._on_flat].sum()
+        below = forces[self._on_flat].sum()
         self._distribution = forces / np.where(self._on_flat, below, above)
         self.shared_compliance = float(self._distribution @ self._C @ self._distribution)
 
