@@ -716,17 +716,12 @@ def _scene_or_surrogate(
 
     if not surrogate_scene.is_surrogate_file(path):
         return load(path, overrides), None
-    from indent_sim.config.scene_file import config_from_mapping
-    from indent_sim.fitting.forward_model import surrogate_load_curves
+    from indent_sim.fitting.forward_model.surrogate_load_curves import refuse_unusable
     from indent_sim.studies.surrogate import read_surrogate
 
     surrogate = read_surrogate(path)
     config = surrogate_scene.scene_of_surrogate(surrogate, path, overrides, options["keys"])
-    stored = config_from_mapping(surrogate.information["scene"])
-    surrogate_load_curves.refuse_unusable(surrogate, stored)
-    surrogate_load_curves.refuse_other_keys(surrogate, options["keys"])
-    surrogate_load_curves.refuse_other_scene(surrogate, config)
-    surrogate_load_curves.refuse_time_stepping(config)
+    refuse_unusable(surrogate, config, options["keys"])
     return config, surrogate
 
 

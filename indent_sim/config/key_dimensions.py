@@ -14,6 +14,8 @@ from indent_sim.model.units import Unit, UnitRow
 # Powers of length, force and time.
 Dimension = tuple[int, int, int]
 DIMENSIONLESS: Dimension = (0, 0, 0)
+# Key of the depth of a load curve.
+DEPTH_KEY = "loading.delta"
 
 
 @dataclass(frozen=True)

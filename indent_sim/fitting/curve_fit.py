@@ -950,9 +950,11 @@ def _warnings(assessment: ModelAssessment) -> list[str]:
     error = _force_error(estimate)
     sd = estimate.sd[: len(parameters)]
     # 0.65 is a third of the half width 1.96 sd of a 95 % interval.
-    source, remedy = "mesh", "use a finer mesh"
+    source = "mesh"
+    remedy = "use a finer mesh"
     if estimate.model.forward_model.surrogate is not None:
-        source, remedy = "surrogate", "fit with the scene, or give the study more points"
+        source = "surrogate"
+        remedy = "fit with the scene, or give the study more points"
     if len(sd) and error > 0.65 * float(np.min(sd[sd > 0], initial=np.inf)):
         messages.append(
             f"the error of the {source} is {100 * error:.2g} %, more than a third of the half "

@@ -57,7 +57,7 @@ def scenes_of_tips(request: FitRequest) -> list[Config]:
         problem = "several tips are fitted together to loading and unloading"
         raise ConfigError(OTHER_TIP, problem, "give --segment both")
     if config.experiment and config.experiment.calibration:
-        problem = "an error of calibration that all curves have in common is not modelled"
+        problem = "several tips cannot be fitted together with a common error of calibration"
         raise ConfigError("experiment.calibration", problem, "leave it out")
     if request.origin.contact_point is not None or request.origin.level is not None:
         problem = "each curve has a contact point and a baseline of its own, which are fitted"

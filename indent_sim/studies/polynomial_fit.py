@@ -166,15 +166,19 @@ def _index_tuples_of(ratios: tuple[float, ...], terms: int) -> np.ndarray:
     def indices(factor: float) -> np.ndarray:
         return index_tuples([min(factor * ratio, MAX_DEGREE) for ratio in ratios])
 
-    low, high = 0.0, 1.0
+    low = 0.0
+    high = 1.0
     while len(indices(high)) <= terms and high * min(ratios) < MAX_DEGREE:
-        low, high = high, 2 * high
+        low = high
+        high *= 2
     # Largest relative difference of the degrees from the largest possible ones.
     tolerance = 1e-3
     while high - low > tolerance * high:
         middle = (low + high) / 2
-        is_small = len(indices(middle)) <= terms
-        low, high = (middle, high) if is_small else (low, middle)
+        if len(indices(middle)) <= terms:
+            low = middle
+        else:
+            high = middle
     return indices(low)
 
 

@@ -54,7 +54,7 @@ class SettingsChecksum:
 
 
 def _body_file(key: str, value: Any) -> Any:
-    """Return the name of the mesh file that a setting contains; None if it contains none."""
+    """Return the name of the mesh file in a setting; None if the setting names no mesh file."""
     if key == "body" and isinstance(value, dict):
         return value.get("file")
     return value if key == "body.file" else None

@@ -90,7 +90,7 @@ class Surrogate:
         Error at held-out runs; see docs/study.md.
     information
         Title, units and number of runs of the study, and the scene of a run with the varied keys in
-        the middle of their ranges. Files of earlier versions have no scene.
+        the middle of their ranges.
     """
 
     column: str
@@ -316,8 +316,9 @@ def read_surrogate(path: Path | str) -> Surrogate:
         RecursionError,
         OverflowError,
     ) as error:
+        problem = f"it has no entry {error}" if isinstance(error, KeyError) else str(error)
         raise UsageError(
-            f"{path} is not a readable surrogate: {error}",
+            f"{path} is not a readable surrogate: {problem}",
             "make it with indent-sim study STUDY --surrogate force",
             str(path),
         ) from None
@@ -353,6 +354,8 @@ def _surrogate_of(data: Mapping[str, Any]) -> Surrogate:
             parse_condition(text)
         except ConditionError as error:
             raise ValueError(f"its condition {error}") from None
+    if not isinstance(data["scene"], dict):
+        raise ValueError("its scene is not a mapping")
     names = ("title", "units", "study", "runs", "scene")
     for name in ("quantile", "error", "largest", "held_out", "variance_share"):
         float(data["error"][name])

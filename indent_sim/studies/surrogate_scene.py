@@ -7,14 +7,12 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
-from indent_sim.config.key_dimensions import DIMENSIONLESS, key_numbers
+from indent_sim.config.key_dimensions import DEPTH_KEY, DIMENSIONLESS, key_numbers
 from indent_sim.config.scene_file import config_from_mapping, config_with_settings, to_mapping
 from indent_sim.config.schema import Config
-from indent_sim.process.errors import ConfigError, UsageError
+from indent_sim.process.errors import ConfigError
 from indent_sim.results.atomic_files import read_regular_file
 from indent_sim.studies.surrogate import KIND, MAX_BYTES, Surrogate, middle_values
-
-DEPTH_KEY = "loading.delta"
 
 
 def is_surrogate_file(path: Path) -> bool:
@@ -46,20 +44,10 @@ def scene_of_surrogate(
 
     Raises
     ------
-    UsageError
-        If the file is of an earlier version, without scene.
     ConfigError
         If the scene has errors, or a key of the surrogate has no value.
     """
-    document = surrogate.information.get("scene")
-    if document is None:
-        raise UsageError(
-            f"{path} was written by an earlier version and does not contain the scene of its "
-            "study, which a fit needs",
-            "make it again with indent-sim study STUDY --surrogate force",
-            str(path),
-        )
-    config = config_from_mapping(document, tuple(overrides))
+    config = config_from_mapping(surrogate.information["scene"], tuple(overrides))
     for key, (low, high) in surrogate.ranges.items():
         if key not in {DEPTH_KEY, *varied_keys} and not _is_set(key, overrides):
             raise ConfigError(

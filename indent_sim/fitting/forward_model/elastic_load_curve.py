@@ -171,15 +171,19 @@ class TabulatedLoadCurve:
         root = np.sqrt(delta.reshape(-1)[samples] / self.max_depth)
         position = root / self._interval
         node = np.minimum(position.astype(np.intp), self._interval_count - 1)
-        u = position - node
-        c0, c1, c2, c3 = self._coefficients(node + shift)
+        force, stiffness = self._values(self._coefficients(node + shift), node, position - node)
+        return _scattered(force, samples, delta.shape), _scattered(stiffness, samples, delta.shape)
+
+    def _values(
+        self, coefficients: Sequence[np.ndarray], node: np.ndarray, u: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return force and stiffness (k,) at a fraction u of the interval after a node."""
+        c0, c1, c2, c3 = coefficients
         force = c0 + u * (c1 + u * (c2 + u * c3))
         slope = c1 + u * (2.0 * c2 + 3.0 * u * c3)
-        # The smallest root avoids 0/0 at first contact.
-        root_change = 2.0 * self.max_depth * self._interval * np.maximum(root, 1e-9)
-        return _scattered(force, samples, delta.shape), _scattered(
-            slope / root_change, samples, delta.shape
-        )
+        # The smallest position avoids 0/0 at first contact.
+        root = self._interval * np.maximum(node + u, 1e-9)
+        return force, slope / (2.0 * self.max_depth * self._interval * root)
 
     def _samples_in_contact(
         self, x: np.ndarray, rows: np.ndarray | None
@@ -220,7 +224,7 @@ class TabulatedLoadCurve:
         Returns
         -------
         force, stiffness
-            F [force] and dF/d(delta) [force/length], 0 out of contact.
+            F [force] and dF/d(delta) [force/length], 0 out of contact; NaN if no root is found.
         """
         x = np.broadcast_to(x, np.broadcast_shapes(x.shape, compliance.shape))
         samples, shift = self._samples_in_contact(x, rows)
@@ -238,7 +242,8 @@ class TabulatedLoadCurve:
         node = np.concatenate([np.searchsorted(row[1:-1], part, "right") for row, part in pairs])
         begin = nodes[curves, node]
         end = nodes[curves, node + 1]
-        c0, c1, c2, c3 = self._coefficients(node + shift)
+        coefficients = self._coefficients(node + shift)
+        _, c1, c2, c3 = coefficients
         compliance_of = compliances[curves]
         q1 = 2.0 * square * node + compliance_of * c1
         q2 = square + compliance_of * c2
@@ -254,14 +259,11 @@ class TabulatedLoadCurve:
             slope = np.maximum(q1 + u * (2.0 * q2 + 3.0 * u * q3), 1e-300)
             change = (excess - u * (q1 + u * (q2 + u * q3))) / slope
             u = u + change
-            if np.abs(change).max(initial=0.0) < tolerance:
+            is_converged = np.abs(change) < tolerance
+            if is_converged.all():
                 break
-        force = c0 + u * (c1 + u * (c2 + u * c3))
-        slope = c1 + u * (2.0 * c2 + 3.0 * u * c3)
-        root_change = 2.0 * square * np.maximum(node + u, 1e-9)
-        return _scattered(force, samples, x.shape), _scattered(
-            slope / root_change, samples, x.shape
-        )
+        force, stiffness = self._values(coefficients, node, np.where(is_converged, u, np.nan))
+        return _scattered(force, samples, x.shape), _scattered(stiffness, samples, x.shape)
 
 
 def _scattered(values: np.ndarray, positions: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:

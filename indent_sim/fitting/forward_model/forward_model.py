@@ -122,8 +122,6 @@ class ForwardModel:
         If the scene has no solution.
     """
 
-    surrogate: ForceSurrogate | None = None
-
     def __init__(
         self,
         config: Config,
@@ -144,6 +142,9 @@ class ForwardModel:
         self.path_forces: MeasuredPathForces | None = None
         self._curve_rows: np.ndarray | None = None
         self._tabulate(measured_path)
+        self.is_time_dependent = (
+            self.path_forces is not None or relaxation_of(self.config) is not None
+        )
 
     def _tabulate(self, measured_path: MeasuredPath | None) -> None:
         """Prepare the tables of forces, and set the roles and bounds of the parameters."""
@@ -202,11 +203,6 @@ class ForwardModel:
         return next(
             (k for k, parameter in enumerate(self.parameters) if parameter.role == "scale"), None
         )
-
-    @cached_property
-    def is_time_dependent(self) -> bool:
-        """True if the force depends on time."""
-        return self.path_forces is not None or relaxation_of(self.config) is not None
 
     @property
     def effects(self) -> set[str]:
@@ -600,9 +596,10 @@ class ForwardModel:
 
     def relative_error_at(self, theta: np.ndarray) -> float:
         """Return the relative error of the force at transformed parameters (k,)."""
-        if self.surrogate is not None and isinstance(self.elastic_curves, SurrogateLoadCurves):
-            return self.elastic_curves.relative_error(tuple(theta[self._shape_indices]))
-        return self.relative_error
+        if self.surrogate is None:
+            return self.relative_error
+        assert isinstance(self.elastic_curves, SurrogateLoadCurves)
+        return self.elastic_curves.relative_error(tuple(theta[self._shape_indices]))
 
     def add_free_exponent(self, pivot_depth: float) -> ForwardModel:
         """Return the model with the force multiplied by a free power of delta/pivot_depth.

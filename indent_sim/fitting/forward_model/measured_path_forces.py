@@ -205,7 +205,10 @@ def _coarsen_grid_step(parameter: Parameter) -> Parameter:
 def _force_factors(
     config: Config, path: MeasuredPath, exponent: float, step_refinement: int = 1
 ) -> np.ndarray:
-    """Return the force factors at the times of a path, from a run with refined time steps."""
+    """Return the factors force/depth^exponent at the times of a path, from a run along it.
+
+    The time steps are shortened by the factor `step_refinement`.
+    """
     document: dict[str, Any] = to_mapping(config)
     document.pop("experiment", None)
     document["loading"] = {"history": [list(corner) for corner in path.corners]}

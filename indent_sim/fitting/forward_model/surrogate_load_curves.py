@@ -18,8 +18,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.polynomial import Chebyshev, chebyshev
 
-from indent_sim.config.key_dimensions import key_numbers
-from indent_sim.config.scene_file import to_mapping
+from indent_sim.config.key_dimensions import DEPTH_KEY, key_numbers
+from indent_sim.config.scene_file import config_from_mapping, to_mapping
 from indent_sim.config.schema import Config
 from indent_sim.fitting.forward_model.elastic_load_curve import (
     DEPTH_ROOTS,
@@ -35,10 +35,9 @@ from indent_sim.fitting.measured_constants import DEGREE
 from indent_sim.process.errors import ConfigError
 from indent_sim.results.json_text import to_json
 
-DEPTH_KEY = "loading.delta"
 # Sections that do not change the elastic force.
 OTHER_SECTIONS = ("title", "output", "loading")
-# Exponents of the depth at small depths, by the shape of the tip.
+# Exponents of the depth at small depths, by the shape of a tip without a rounded apex.
 FIRST_EXPONENTS = {"sphere": 1.5, "paraboloid": 1.5, "cone": 2.0}
 # Degree of the polynomial through the forces of the surrogate.
 SURROGATE_DEGREE = 10
@@ -145,8 +144,9 @@ class SurrogateLoadCurves:
             )
         self._roots = DEPTH_ROOTS[first:]
         self._operator = _continuation_operator(self._roots)
-        shape = to_mapping(config)["indenter"]["shape"]
-        self._exponent = FIRST_EXPONENTS.get(shape) or self._shallow_exponent()
+        tip = to_mapping(config)["indenter"]
+        exponent = None if tip.get("tip_radius") else FIRST_EXPONENTS.get(tip["shape"])
+        self._exponent = exponent or self._shallow_exponent()
         scene = plan_elastic_run(config, max_depth).scene
         scales = scene.physics.scales
         self._contact_radius = (
@@ -305,7 +305,15 @@ def refuse_other_scene(surrogate: ForceSurrogate, config: Config) -> None:
         )
 
 
-def refuse_other_keys(surrogate: ForceSurrogate, varied_keys: Sequence[str]) -> None:
+def refuse_unusable(surrogate: ForceSurrogate, config: Config, varied_keys: Sequence[str]) -> None:
+    """Raise ConfigError if a surrogate cannot give the forces for a fit of keys of a scene."""
+    _refuse_other_results(surrogate, config_from_mapping(surrogate.information["scene"]))
+    _refuse_other_keys(surrogate, varied_keys)
+    refuse_other_scene(surrogate, config)
+    refuse_time_stepping(config)
+
+
+def _refuse_other_keys(surrogate: ForceSurrogate, varied_keys: Sequence[str]) -> None:
     """Raise ConfigError if a fitted key changes the force, but is no key of the surrogate."""
     known = {*surrogate.ranges, *surrogate.fixed} - {DEPTH_KEY}
     for key in varied_keys:
@@ -318,7 +326,7 @@ def refuse_other_keys(surrogate: ForceSurrogate, varied_keys: Sequence[str]) -> 
             )
 
 
-def refuse_unusable(surrogate: ForceSurrogate, config: Config) -> None:
+def _refuse_other_results(surrogate: ForceSurrogate, config: Config) -> None:
     """Raise ConfigError if a surrogate is not an elastic force as a function of the depth.
 
     `config` is the scene of its study.

@@ -357,28 +357,33 @@ def _profiles(
         return {
             k: (float(p[k] - half_widths[k]), float(p[k] + half_widths[k])) for k in range(count)
         }
-    smallest = float(noise.gram(model.residual(p)[None])[0, 0])
-    intervals = {}
-    for k in range(count):
-        ends = []
-        for side in (-1.0, 1.0):
-            fixed = replace(model, fixed=frozenset({k}))
-            state = p.copy()
+    return {
+        k: (
+            _profile_end(model, p, noise, k, -float(deviations[k])),
+            _profile_end(model, p, noise, k, float(deviations[k])),
+        )
+        for k in range(count)
+    }
 
-            def rise_at(
-                value: float, fixed: JointModel = fixed, state: np.ndarray = state, k: int = k
-            ) -> float:
-                state[k] = value
-                state[:], squares = _least_squares(fixed, state, noise, PROFILE_ROUNDS)
-                if not np.isfinite(squares):
-                    raise ForwardModelUnavailable("no solution along the profile")
-                return max(squares - smallest, 0.0)
 
-            parameter = model.models[0].forward_model.parameters[k]
-            ends.append(
-                profile_end(
-                    rise_at, float(p[k]), side * float(deviations[k]), NORMAL_95**2, parameter
-                )
-            )
-        intervals[k] = (ends[0], ends[1])
-    return intervals
+def _profile_end(
+    model: JointModel, p: np.ndarray, noise: JointNoise, k: int, deviation: float
+) -> float:
+    """Return the end of the interval of a parameter on the side of a deviation.
+
+    See `profile_likelihood.profile_end`.
+    """
+    fixed_model = replace(model, fixed=frozenset({k}))
+    smallest_squares = float(noise.gram(model.residual(p)[None])[0, 0])
+    start = float(p[k])
+    p = p.copy()
+
+    def rise_at(value: float) -> float:
+        p[k] = value
+        p[:], squares = _least_squares(fixed_model, p, noise, PROFILE_ROUNDS)
+        if not np.isfinite(squares):
+            raise ForwardModelUnavailable("no solution along the profile")
+        return max(squares - smallest_squares, 0.0)
+
+    parameter = model.models[0].forward_model.parameters[k]
+    return profile_end(rise_at, start, deviation, NORMAL_95**2, parameter)

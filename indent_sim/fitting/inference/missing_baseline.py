@@ -98,7 +98,10 @@ def known_baseline(samples: Samples, estimate: Estimate) -> KnownBaseline | None
 def _zero_baseline(
     origin: OriginOptions, x: np.ndarray, force: np.ndarray, noise: float
 ) -> OriginOptions | None:
-    """Return the options of a curve that begins in contact; None if it begins with a flat part."""
+    """Return the options for a curve without samples before contact, with a zero baseline.
+
+    The result is None if the force does not rise at the beginning of the curve.
+    """
     # In contact the force rises from the first sample on: compare the first samples with the next
     # ones.
     m = max(MIN_BASELINE_POINTS, len(x) // 20)
