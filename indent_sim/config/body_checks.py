@@ -287,7 +287,7 @@ def inclusion_errors(config: SceneSections) -> Iterator[ConfigError]:
 
 
 def _unsupported_inclusion(body: AnyBody, inclusion: Inclusion) -> tuple[str, str] | None:
-    """Return why this body cannot have an inclusion, with a remedy; None if it can have it."""
+    """Return the reason why a body cannot have an inclusion, and a remedy; None if it can."""
     if isinstance(body, Strip) and inclusion.center[1]:
         return (
             f"a strip is infinite along y, but the center is at y = {inclusion.center[1]:g}",

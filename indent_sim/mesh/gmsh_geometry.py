@@ -136,7 +136,7 @@ def _draw_side(
     center = points[_round_point(side.center)]
     if side.stretch == 1.0:
         return int(geo.addCircleArc(start, center, end))
-    # A point of the major axis, through which the outline passes.
+    # Gmsh needs an end of the major axis of the ellipse.
     (x, y) = side.center
     vertical = side.radius * side.stretch
     is_tall = side.stretch > 1

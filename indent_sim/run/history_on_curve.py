@@ -563,7 +563,7 @@ class _HistoryEvaluation:
         error = self._series_error(jkr)
         words = (
             f"at pull-off {what}; the depth is a sum of two contacts, which is inexact by up to "
-            f"{100 * error:.2g} % of the deepest one"
+            f"{100 * error:.2g} % of the largest depth"
         )
         if jkr.stable_equilibrium(jkr.first_contact, self.compliance) is None:
             self.warnings.append(

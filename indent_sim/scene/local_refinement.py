@@ -90,7 +90,7 @@ def refine_corners(
     elements in the contact.
     """
     physics = setup.physics
-    near_corners = corners_near(physics, default_sizes, setup.a) if setup.max_depth > 0 else []
+    near_corners = nearby_corners(physics, default_sizes, setup.a) if setup.max_depth > 0 else []
     if fixed_sizes.h_corner and (physics.domain.dim == 3 or not near_corners):
         where = "corners of a bonded base and narrow gaps next to the contact in two dimensions"
         raise ConfigError(
@@ -111,7 +111,7 @@ def refine_corners(
     return sizes_with_corners(default_sizes, near_corners, h)
 
 
-def corners_near(physics: ProblemDefinition, sizes: Sizes, a: float) -> list[Corner]:
+def nearby_corners(physics: ProblemDefinition, sizes: Sizes, a: float) -> list[Corner]:
     """Return the corners of a body that influence a contact of the radius a [length]."""
     contact_end = a if physics.is_compressed else sizes.punch_edge
     return corners(physics.domain, physics.center, a, physics.largest_nu, contact_end)

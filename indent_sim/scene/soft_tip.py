@@ -18,7 +18,7 @@ from indent_sim.model.tips import Lens, SoftCylinder
 from indent_sim.process.errors import ConfigError
 from indent_sim.scene.choices import Choice
 from indent_sim.scene.local_refinement import (
-    corners_near,
+    nearby_corners,
     needed_corner_size,
     sizes_with_corners,
 )
@@ -122,7 +122,7 @@ def refine_tip_corners(sizes: Sizes, physics: ProblemDefinition) -> Sizes:
         Sizes and problem of the scene of the soft tip.
     """
     n = sizes.a / sizes.h_contact
-    near_corners = corners_near(physics, sizes, sizes.a)
+    near_corners = nearby_corners(physics, sizes, sizes.a)
     h = needed_corner_size(sizes, near_corners, ERROR_CONSTANT[2] * error_decay(n), n)
     return sizes_with_corners(sizes, near_corners, h)
 

@@ -161,7 +161,7 @@ def _yield_stress_key(v: SceneVariants) -> str:
 
 
 def yield_source(v: SceneVariants) -> str:
-    """Return text on the estimate of the yield stress that changes the force by the tolerance."""
+    """Return, as text, how the yield stress was estimated below which yielding matters."""
     onset = onset_yield_stress(v)
     if onset == onset:
         return f"Hertz and von Mises: yield begins on this path at a yield stress of {onset:.2g}"
