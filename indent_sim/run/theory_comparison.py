@@ -84,7 +84,8 @@ def theory_comparison(
     friction_text = ""
     if FRICTION_WHY in scene.theory_differences:
         friction_text = " with friction" if correction else " without friction"
-    why = "; ".join([*differences, *_mirror_notes(scene)]) or theory.reason
+    remarks = [*differences, *_edge_remarks(scene, deepest), *_mirror_notes(scene)]
+    why = "; ".join(remarks) or theory.reason
     entries = {"name": theory.name + friction_text, "exact": not differences, "why": why}
     comparisons: dict[str, Any] = {
         "half_space": optional_output(
@@ -95,6 +96,17 @@ def theory_comparison(
         "film formulas", lambda: _formula_comparisons(scene, theory, deepest), []
     )
     return entries | numbers | deviation | comparisons | {"curve": _curve_columns(curve, D, F, L)}
+
+
+def _edge_remarks(scene: Scene, state: State) -> list[str]:
+    """Return a remark if the edge of the body cuts off a part of the contact."""
+    physics = scene.physics
+    if physics.is_compressed:
+        return []
+    edge_distance = physics.body.lateral_extent(physics.center) * physics.scales.length
+    return (
+        ["the edge of the body cuts off a part of the contact"] if state.a > edge_distance else []
+    )
 
 
 def _mirror_notes(scene: Scene) -> list[str]:

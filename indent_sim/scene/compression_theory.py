@@ -12,7 +12,6 @@ from indent_sim.model.layers import Layer as BodyLayer
 from indent_sim.model.tips import Indenter, flat_radius
 from indent_sim.model.walled_bodies import Box
 from indent_sim.model.walled_bodies import Strip as BodyStrip
-from indent_sim.scene.reasons import first_reason
 from indent_sim.theory.compression import (
     Bar,
     Compression,
@@ -73,10 +72,11 @@ def compression_theory(
     max_area_ratio = max(radius_ratio, 1.0) ** dimensions
     area = _area_of_top(body, center)
     contact = Compression(bar, body.height, area, dimensions, max_area_ratio)
-    difference = first_reason(
-        (body.base == "fixed", "the base is bonded, but slides in the theory"),
-        (len(layers) > 1, "the layers slide on one another in the theory"),
-    )
+    differences = []
+    if body.base == "fixed":
+        differences.append("the base is bonded, but slides in the theory")
+    if len(layers) > 1:
+        differences.append("the layers slide on one another in the theory")
     has_free_sides = constrained_directions == 2 - dimensions
     is_bonded_block = body.base == "fixed" and has_free_sides
     formulas = _bonded_formulas(body, layers, center) if is_bonded_block else {}
@@ -84,9 +84,9 @@ def compression_theory(
     names = ("uniaxial compression", "plane-strain compression", "confined compression")
     return Theory(
         names[constrained_directions],
-        not difference,
-        difference or "theory describes this block between frictionless plates exactly",
         contact,
+        "theory describes this block between frictionless plates exactly",
+        tuple(differences),
         formulas=formulas,
         is_finite_strain=is_finite_strain,
     )

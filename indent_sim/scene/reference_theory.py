@@ -30,7 +30,6 @@ from indent_sim.model.walled_bodies import Box
 from indent_sim.model.walled_bodies import Strip as BodyStrip
 from indent_sim.scene.compression_theory import compression_theory, covers_top
 from indent_sim.scene.measured_constants import CONTRAST_ERROR_EXPONENT, INEXACT_CONTRAST
-from indent_sim.scene.reasons import first_reason
 from indent_sim.scene.tip_theories import theory_tip_shape
 from indent_sim.theory import profiles
 from indent_sim.theory.contact_curve import ContactCurve
@@ -51,6 +50,7 @@ from indent_sim.theory.strip import Strip
 from indent_sim.theory.theory import Theory
 
 NO_INCLUSIONS = "the theory does not include inclusions"
+INFINITELY_WIDE = "the layer of the theory is infinitely wide"
 
 
 def theory_of(
@@ -91,11 +91,7 @@ def theory_of(
         theory = _soft_tip_theory(theory, tip.elastic_part, body)
     if theory is None or not body.inclusions:
         return theory
-    return replace(
-        theory,
-        is_exact=False,
-        reason=NO_INCLUSIONS if theory.is_exact else f"{theory.reason}; {NO_INCLUSIONS}",
-    )
+    return theory.add_differences(NO_INCLUSIONS)
 
 
 def _add_surface_tension(theory: Theory, surface_tension: float) -> Theory | None:
@@ -108,23 +104,14 @@ def _add_surface_tension(theory: Theory, surface_tension: float) -> Theory | Non
     from indent_sim.theory.surface_tension import LayerWithSurfaceTension
 
     contact = LayerWithSurfaceTension.from_layer(theory.contact, surface_tension)
-    has_wall = theory.contact.wall < inf
-    difference = first_reason(
-        (has_wall, "the layer of the theory is infinitely wide"),
-        (
-            contact.has_slope_discontinuities,
+    if theory.contact.wall < inf:
+        theory = theory.add_differences(INFINITELY_WIDE)
+    if contact.has_slope_discontinuities:
+        theory = theory.add_differences(
             "with surface tension, theory's pressure oscillates under a tip with slope "
-            "discontinuities",
-        ),
-    )
-    return replace(
-        theory,
-        contact=contact,
-        is_exact=theory.is_exact and not difference,
-        reason=difference or theory.reason,
-        error=max(theory.error, contact.error),
-        formulas={},
-    )
+            "discontinuities"
+        )
+    return replace(theory, contact=contact, error=max(theory.error, contact.error), formulas={})
 
 
 def _soft_tip_theory(theory: Theory, lens: Lens | SoftCylinder, body: Body) -> Theory | None:
@@ -148,18 +135,15 @@ def _add_soft_tip(theory: Theory, lens: Lens | SoftCylinder) -> Theory | None:
         if upper is None:
             return None
         assert isinstance(upper.contact, ContactCurve)
-        reason = f"{theory.reason}; {upper.reason}"
-        return replace(upper, contact=replace(rigid, upper=upper.contact), reason=reason)
+        return replace(upper, contact=replace(rigid, upper=upper.contact))
     if not isinstance(rigid, Layer):
         return None
     body = rigid.scaled_stack.scaled(rigid.h, rigid.E_star / rigid.scaled_stack.E_star)
     soft_layer = StackLayer(lens.thickness, *lens.material.constants)
     pair = StackPair.join(body, Stack((soft_layer,)))
     return replace(
-        theory,
+        theory.add_differences("the theory takes the soft tip as a flat layer of its thickness"),
         contact=Layer.from_stack(rigid.tip, pair),
-        is_exact=False,
-        reason="the theory takes the soft tip as a flat layer of its thickness",
         formulas={},
     )
 
@@ -185,12 +169,12 @@ def layer_theory(
     stack = stack_of(layers, body.base)
     if shape is None or stack is None or (is_plane and shape.f is None):
         return None
-    wall, is_exact, why = _roller_wall(body, center)
+    wall, scope = _roller_wall(body, center)
     contact = (Strip if is_plane else Layer).from_stack(shape, stack, wall)
     formulas = {} if is_plane else _layer_formulas(layers, tip, body.base)
-    return _assess_exactness(
-        Theory("layer theory", is_exact, why, contact, formulas=formulas), layers, tip
-    )
+    differences = () if scope else (INFINITELY_WIDE,)
+    theory = Theory("layer theory", contact, scope, differences, formulas=formulas)
+    return _assess_exactness(theory, layers, tip)
 
 
 def _spherical_body_theory(
@@ -208,13 +192,14 @@ def _spherical_body_theory(
     if shape is None or stack is None:
         return None
     contact = Layer.from_stack(profiles.tip_over_spherical_body(shape, body.apex_radius), stack)
-    why = "the theory uses a flat body and a tip with the sum of both curvatures"
+    difference = "the theory uses a flat body and a tip with the sum of both curvatures"
     if body.rests_on_flat and not is_cap:
         plate = profiles.tip_over_spherical_body(profiles.flat_plate(), body.apex_radius)
         series = ContactsInSeries(contact, Layer.from_stack(plate, stack))
-        reason = f"{why}, for each of the two contacts"
-        return Theory("two contacts in series", False, reason, series)
-    return Theory("layer theory" if is_cap else "half-space theory", False, why, contact)
+        difference = f"{difference}, for each of the two contacts"
+        return Theory("two contacts in series", series, differences=(difference,))
+    name = "layer theory" if is_cap else "half-space theory"
+    return Theory(name, contact, differences=(difference,))
 
 
 def adhesive_radii(
@@ -290,12 +275,11 @@ def half_space_theory(
     stack = stack_of(layers, None, size)
     if shape is None or stack is None:
         return None
-    why = f"theory describes this {'layered ' if len(layers) > 1 else ''}half-space exactly"
+    scope = f"theory describes this {'layered ' if len(layers) > 1 else ''}half-space exactly"
     theory = Theory(
         "half-space theory",
-        True,
-        why,
         Layer.from_stack(shape, stack),
+        scope,
         formulas=_film_formulas(layers, tip),
     )
     return _assess_exactness(theory, layers, tip)
@@ -335,26 +319,24 @@ def _assess_exactness(theory: Theory, layers: Sequence[BodyLayer], tip: Indenter
     # A transversely isotropic half-space indents as the isotropic one of its indentation modulus.
     is_one_half_space = len(layers) == 1 and theory.contact.scaled_stack.is_bottomless
     is_isotropic = is_one_half_space or all(material.is_isotropic for material in materials)
-    why = first_reason(
-        (not is_isotropic, "the layers of the theory are isotropic"),
-        (
-            not all(material.is_small_strain for material in materials),
-            "the theory assumes small strain",
-        ),
-        (
-            tip.tilt_direction is not None,
-            "the tip of the theory is upright, with equal cross-sections",
-        ),
-        (not tip.is_axisymmetric, "the tip of the theory is the cone with equal cross-sections"),
-    )
+    if not is_isotropic:
+        theory = theory.add_differences("the layers of the theory are isotropic")
+    if not all(material.is_small_strain for material in materials):
+        theory = theory.add_differences("strains are finite, but the theory is for small strain")
+    if tip.tilt_direction is not None:
+        theory = theory.add_differences(
+            "the tip of the theory is upright, with equal cross-sections"
+        )
+    elif not tip.is_axisymmetric:
+        theory = theory.add_differences(
+            "the tip of the theory is the cone with equal cross-sections"
+        )
     moduli = [material.constants.E for material in materials]
     error = (
         THEORY_ERROR
         * max(1.0, max(moduli) / min(moduli) / INEXACT_CONTRAST) ** CONTRAST_ERROR_EXPONENT
     )
-    return replace(
-        theory, is_exact=theory.is_exact and not why, reason=why or theory.reason, error=error
-    )
+    return replace(theory, error=error)
 
 
 def _layer_formulas(layers: Sequence[BodyLayer], tip: Indenter, base: str) -> dict[str, ForceCurve]:
@@ -387,21 +369,21 @@ def _theory_layer(layer: BodyLayer) -> StackLayer:
     return StackLayer(layer.thickness or inf, *layer.material.constants)
 
 
-def _roller_wall(body: Body, center: tuple[float, ...]) -> tuple[float | None, bool, str]:
-    """Return the radius [length] of a roller wall, whether the theory is exact, and the reason.
+def _roller_wall(body: Body, center: tuple[float, ...]) -> tuple[float | None, str]:
+    """Return the radius [length] of a roller wall and the scope of the theory.
 
     The reference theory has either a frictionless wall around the tip's axis or no wall. The radius
-    is None for a theory without a wall.
+    is None for a theory without a wall. The scope is empty if the walls of the body differ from
+    those of the theory.
     """
     if isinstance(body, UnboundedBody):
-        return None, True, "theory describes this infinitely wide layer exactly"
+        return None, "theory describes this infinitely wide layer exactly"
     # Positions are rounded to 12 digits.
     is_on_axis = np.allclose(center, body.center, rtol=2e-11, atol=1e-12 * body.height)
     match body.shape:
         case "cylinder" if is_on_axis and body.sides == "roller":
-            why = "theory describes this layer in a frictionless cylinder exactly"
-            return body.radius, True, why
+            return body.radius, "theory describes this layer in a frictionless cylinder exactly"
         case "strip" if is_on_axis and body.sides.x_min == body.sides.x_max == "roller":
-            why = "theory describes this strip between frictionless walls exactly"
-            return body.width / 2, True, why
-    return None, False, "the layer of the theory is infinitely wide"
+            scope = "theory describes this strip between frictionless walls exactly"
+            return body.width / 2, scope
+    return None, ""

@@ -272,9 +272,12 @@ class Scene:
                 "the gap is evaluated at the undeformed point, but in the theory the surface "
                 "slides under the plate",
             ),
-            (theory is not None and not theory.is_exact, theory.reason if theory else ""),
         )
-        return tuple(why for applies, why in reasons if applies)
+        differences = [why for applies, why in reasons if applies]
+        if theory is not None:
+            differences += theory.differences
+        # The theory, too, may name the finite strain.
+        return tuple(dict.fromkeys(differences))
 
     @property
     def notes(self) -> tuple[str, ...]:

@@ -32,12 +32,12 @@ class Theory:
 
     Attributes
     ----------
-    is_exact
-        Whether the theory describes exactly the body of the scene.
-    reason
-        Difference between the body of the scene and the body of the theory, if not exact.
     contact
         Load curve of the theory.
+    scope
+        Sentence on the body and the tip that the theory describes exactly.
+    differences
+        Differences between the scene and the theory; empty if the theory is exact for the scene.
     error
         Relative error of the results of the theory.
     formulas
@@ -49,13 +49,27 @@ class Theory:
     """
 
     name: str
-    is_exact: bool
-    reason: str
     contact: ContactCurve | Compression | ContactsInSeries = field(repr=False)
+    scope: str = ""
+    differences: tuple[str, ...] = ()
     error: float = THEORY_ERROR
     formulas: Mapping[str, ForceCurve] = field(default_factory=dict, repr=False)
     tension_fraction: float = 0.0
     is_finite_strain: bool = False
+
+    @property
+    def is_exact(self) -> bool:
+        """Whether the theory describes exactly the body and the tip of the scene."""
+        return not self.differences
+
+    @property
+    def reason(self) -> str:
+        """All differences between the scene and the theory, or why there are none."""
+        return "; ".join(self.differences) or self.scope
+
+    def add_differences(self, *differences: str) -> Theory:
+        """Return the theory with further differences between the scene and the theory."""
+        return replace(self, differences=self.differences + differences)
 
     def solutions_at_depths(self, deltas: Sequence[float]) -> list[Solution] | None:
         """Return one Solution for each depth, or None if a depth is beyond the range of the theory.
@@ -108,14 +122,12 @@ class Theory:
         tension_fraction = max(map(self.contact.tension_fraction, solutions), default=0.0)
         if not tension_fraction:
             return self
-        reason = (
+        difference = (
             "the theory assumes tensile contact pressure with a resultant of "
             f"{float(f'{100 * tension_fraction:.1g}'):g} % of the force"
         )
         return replace(
-            self,
-            is_exact=False,
-            reason=reason,
+            self.add_differences(difference),
             tension_fraction=tension_fraction,
             error=max(self.error, tension_fraction),
         )

@@ -71,7 +71,7 @@ class TestTheory:
     def test_adhesion_of_two_layers(self) -> None:
         """The pull-off of the same layers, by Griffith's balance on the independent solution."""
         contact = pair_theory(Stack((BODY,)), Stack((SOFT,)))
-        pull_off = Theory("pair", False, "", contact).jkr(2e-4).pull_off(inf)
+        pull_off = Theory("pair", contact).jkr(2e-4).pull_off(inf)
         assert pull_off.force == pytest.approx(-9.44180e-4, rel=1e-6)
         assert pull_off.delta == pytest.approx(-0.002410, rel=1e-3)
 

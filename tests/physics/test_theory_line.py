@@ -63,6 +63,29 @@ def test_other_gap_and_other_body(outcome):
     assert "deformed point" in why and "infinitely wide" in why
 
 
+def test_a_contact_that_the_edge_cuts_off_is_not_theorys(outcome):
+    """The tip stands on a free edge of a block: half of the contact, and softer than a half."""
+    theory = outcome(
+        body={"shape": "box", "size": [1.0, 1.0, 0.5]},
+        indenter={"shape": "paraboloid", "R": 1.0, "center": [0.5, 0.0]},
+        mesh={"h_contact": 0.05, "h_far": 0.3},
+    ).report["theory"]
+    assert "edge of the body cuts off" in theory["why"] and "infinitely wide" in theory["why"]
+    assert theory["force_deviation"] < -0.5 and not theory["exact"]
+
+
+def test_all_differences_are_named_once(outcome):
+    """A tip that leans, on rubber between free sides."""
+    why = outcome(
+        body={"shape": "strip", "width": 4.0, "height": 1.0},
+        material={"model": "neo_hookean", "E": 1.0, "nu": 0.3},
+        indenter={"shape": "paraboloid", "R": 1.0, "tilt": 5},
+        contact={"gap": "reference"},
+    ).report["theory"]["why"]
+    assert "upright" in why and "infinitely wide" in why
+    assert why.count("small strain") == 1
+
+
 def test_finite_strain_is_not_theorys(outcome):
     theory = outcome(material={"model": "neo_hookean", "E": 1.0, "nu": 0.3}).report["theory"]
     assert (

@@ -155,7 +155,7 @@ def test_limits_of_a_layer_in_a_cylinder(solid: PorousSolid, first: float) -> No
     """
     pairs = ((solid.undrained_E, solid.undrained_nu), (solid.E, solid.nu))
     solutions = [
-        Theory("layer", True, "", one_layer(Layer, E=E, nu=nu, **WALLED)).solution_at_depth(0.02)
+        Theory("layer", one_layer(Layer, E=E, nu=nu, **WALLED)).solution_at_depth(0.02)
         for E, nu in pairs
     ]
     forces = [solution.force for solution in solutions if solution]
