@@ -509,17 +509,18 @@ def judged(
     if not has_bars:
         return Judged([], [], said)
     low, high, peaks = scene.low, scene.high, scene.peaks
+    rows = found.states
     if not low:
         right = finer_rows(config)
         low = high = [row.force for row in right]
         peaks = [(row.p_max, row.p_max) for row in right]
+        # A finer run that ends early judges the rows that it has.
+        rows = rows[: len(right)]
     forces = [
-        (row.force, row.force_error, *ends)
-        for row, *ends in zip(found.states, low, high, strict=True)
+        (row.force, row.force_error, *ends) for row, *ends in zip(rows, low, high, strict=True)
     ]
     maxima = [
-        (row.p_max, row.p_max_error, *ends)
-        for row, ends in zip(found.states, peaks or (), strict=False)
+        (row.p_max, row.p_max_error, *ends) for row, ends in zip(rows, peaks or (), strict=False)
     ]
     maxima = [one for one in maxima if one[0] == one[0]]
     return Judged(*_errors_and_bars(forces), said, *_errors_and_bars(maxima))
@@ -549,7 +550,7 @@ def finer_rows(config: Config) -> list[State]:
     )
     halved = halve_increments(fine)
     assert halved is not None
-    return list(states(halved, with_surface=False))[1::2]
+    return [row for row in states(halved, with_surface=False) if row.converged][1::2]
 
 
 def main() -> None:
