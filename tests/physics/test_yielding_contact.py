@@ -73,6 +73,32 @@ def test_expected_contact(E: float, tip: dict[str, Any], depth: float, n: float)
     assert 0.5 * solves < sum(row.newton_iterations for row in rows) < 2 * solves
 
 
+def test_newtons_method_needs_few_iterations_in_all_units() -> None:
+    """A coarse sphere on steel through the onset of yield: 9 iterations in the longest increments.
+
+    With full Newton steps it takes a hundred. The limit leaves room for two more iterations.
+    """
+    rows = list(
+        pipeline.states(
+            scene(
+                {"shape": "half_space"},
+                units={"length": "um", "force": "mN"},
+                material={
+                    "model": "hencky",
+                    "E": "200 GPa",
+                    "nu": 0.3,
+                    "plasticity": {"yield_stress": "1 GPa", "hardening": {"linear": "2 GPa"}},
+                },
+                indenter={"shape": "sphere", "R": "10 um"},
+                loading={"deltas": ["10 nm", "20 nm", "40 nm"]},
+                mesh={"h_contact": "0.15 um"},
+            )
+        )
+    )
+    assert max(row.newton_iterations for row in rows) <= 11
+    assert all(row.substeps == 1 for row in rows)
+
+
 def test_expected_depth_of_a_force() -> None:
     """The depth of the force that is expected at the depth 1; without yield it is 0.59."""
     deep = metal(100.0, CONE, {"delta": 1.0, "steps": 10})

@@ -103,7 +103,13 @@ class Newton:
             self._iterative.attach(ksp)
         else:
             use_direct_solver(ksp, "cholesky" if symmetric else "lu")
-        with default_options({"snes_linesearch_type": line_search(self.problem)}):
+        # Since PETSc 3.24 "l2" ends where the squared residual changes by less than an absolute
+        # tolerance, which no residual in nondimensional units exceeds: its steps would all be full.
+        line_search_options = {
+            "snes_linesearch_type": line_search(self.problem),
+            "snes_linesearch_atol": 0.0,
+        }
+        with default_options(line_search_options):
             snes.setFromOptions()
         # stol = 0: a short step does not indicate an equilibrium, and PETSc would accept one after
         # a failed line search.
