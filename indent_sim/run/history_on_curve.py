@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
@@ -23,7 +23,7 @@ from indent_sim.run.derived_quantities import (
     punches_of,
 )
 from indent_sim.run.measured_constants import EDGE_SHIFT, MIN_PULL_OFF_ERROR
-from indent_sim.scene.prescribed_history import needs_time_stepping, remaining_modulus_fraction
+from indent_sim.scene.prescribed_history import remaining_modulus_fraction
 from indent_sim.scene.reference_theory import relative_tip
 from indent_sim.scene.scene import Scene
 from indent_sim.scene.tip_theories import theory_tip_shape
@@ -89,7 +89,7 @@ class HistoryResult:
     report
         The part `experiment` of run.json.
     time
-        The part `time` of run.json.
+        The method of a history, for the part `time` of run.json.
     warnings
         Messages of warnings.
     """
@@ -195,9 +195,8 @@ class _HistoryEvaluation:
         )
         self.max_depth = max(scene.physics.deltas)
         self.modulus = relaxation_modulus(scene.relaxation)
-        self.uses_time_stepping = needs_time_stepping(
-            scene.history_on_curve, scene.relaxation, self.compliance
-        )
+        # Method by which the rows of a history are computed
+        self.method = scene.plan.time.method if scene.plan.time else ""
         self.warnings: list[str] = []
         self._curves: dict[float, ElasticCurve] = {}
         # Punches of tip and flat on a body that adheres to a flat, once `jkr` is computed
@@ -314,22 +313,10 @@ class _HistoryEvaluation:
             force, modulus = self._calibration_uncertainty(experiment.calibration)
             report["calibration"] = {"force": force, "modulus": modulus}
             rows = [replace(row, calibration_error=force * abs(row.force)) for row in rows]
+        time_report = {"method": self.method} if self.history else {}
         return HistoryResult(
-            rows, self._dynamic_stiffness(rows), report, self._time_report(), self.warnings
+            rows, self._dynamic_stiffness(rows), report, time_report, self.warnings
         )
-
-    def _time_report(self) -> dict[str, Any]:
-        """Return the part `time` of run.json; empty without a history."""
-        if self.history is None:
-            return {}
-        if self.uses_time_stepping:
-            method = "time steps"
-        elif self.scene.relaxation:
-            method = "quadrature"
-        else:
-            method = "equilibria"
-        why = next(choice.why for choice in self.scene.plan.choices if choice.key == "time")
-        return {"way": "curve", "method": "JKR" if self.jkr else method, "why": why}
 
     def _rows_at_times(self, rows: list[HistoryRow]) -> list[HistoryRow]:
         """Select the rows at the requested times (the later one at a jump), or all rows."""
@@ -342,15 +329,13 @@ class _HistoryEvaluation:
         """Compute the rows by the method that suits the history, adhesion and relaxation."""
         if self.history is None:
             return self._jkr_curve_rows(self.jkr) if self.jkr else self._elastic_curve_rows()
-        if self.jkr:
-            return self._jkr_history_rows(self.jkr, self.history)
-        if self.uses_time_stepping:
-            return self._time_stepped_rows(self.history)
-        return (
-            self._lee_radok_ting_rows(self.history)
-            if self.scene.relaxation
-            else self._quasistatic_rows(self.history)
-        )
+        rows_by: dict[str, Callable[[History], list[HistoryRow]]] = {
+            "JKR": self._jkr_history_rows,
+            "equilibria": self._quasistatic_rows,
+            "quadrature": self._lee_radok_ting_rows,
+            "time steps": self._time_stepped_rows,
+        }
+        return rows_by[self.method](self.history)
 
     def _elastic_curve_rows(self) -> list[HistoryRow]:
         """Return rows of the elastic curve for an experiment without a history."""
@@ -427,7 +412,7 @@ class _HistoryEvaluation:
                 "the contact grows again during unloading or a subsequent hold: the history is "
                 "solved by time stepping"
             )
-            self.uses_time_stepping = True
+            self.method = "time steps"
             return self._time_stepped_rows(history)
         rows = []
         for k, instant in enumerate(instants):
@@ -487,8 +472,10 @@ class _HistoryEvaluation:
             for row, (a, a_base) in zip(rows, both_radii, strict=True)
         ]
 
-    def _jkr_history_rows(self, jkr: Jkr, history: History) -> list[HistoryRow]:
+    def _jkr_history_rows(self, history: History) -> list[HistoryRow]:
         """Return stable equilibria along a history with adhesion, with snap-in and pull-off."""
+        jkr = self.jkr
+        assert jkr is not None
         compliance = inf if self.has_prescribed_forces else self.compliance
         pull_off = jkr.pull_off(compliance)
         pull_off_value = (

@@ -277,8 +277,8 @@ def mesh(
     return choices
 
 
-def is_followed_on_body(config: Config, setup: ProblemSetup, solver: Choice) -> bool:
-    """True if a history is solved on the mesh, because it does not follow from an elastic curve."""
+def follows_history(config: Config, setup: ProblemSetup, solver: Choice) -> bool:
+    """True if the load path is a history that does not follow from an elastic curve."""
     return setup.history is not None and (
         bool(config.contact.reason_no_elastic_curve) or solver.value == "newton"
     )

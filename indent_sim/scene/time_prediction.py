@@ -152,9 +152,8 @@ def _equilibrium_count(physics: ProblemDefinition) -> int:
 def _time_method(setup: ProblemSetup, physics: ProblemDefinition) -> str:
     """Return the name of the time integration method for the increments of a history."""
     if not physics.path.times:
-        if setup.uses_time_stepping:
-            return "time steps"
-        return "quadrature" if setup.relaxation else "equilibria"
+        assert setup.curve_method is not None
+        return setup.curve_method
     if physics.permeable_regions:
         return "SDIRK2"
     return "exponentials" if physics.relaxing_regions else "equilibria"
