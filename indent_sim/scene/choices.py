@@ -308,10 +308,8 @@ def time_steps(setup: ProblemSetup, physics: ProblemDefinition, sizes: Sizes) ->
         reasons.append(
             "a hundredth of the shortest segment of the history, because the body creeps"
         )
-        method = "backward Euler"
-    elif physics.permeable_regions:
-        method = "SDIRK2"
-    else:
+    method = physics.time_integration
+    if method == "exponentials":
         method = "exact integration of the Prony exponentials"
     reasons.append(
         f"in every segment of the history {setup.steps_per_doubling} steps of this length, then as "

@@ -10,6 +10,7 @@ from indent_sim.model.history import History
 from indent_sim.model.loading import STEPS_PER_DOUBLING
 from indent_sim.model.relaxation import PronySeries, Relaxation
 from indent_sim.scene.resolution import target_error
+from indent_sim.theory.relaxation_function import PowerLaw
 
 if TYPE_CHECKING:
     from indent_sim.config.schema import Config
@@ -49,9 +50,6 @@ def prony_series(law: Relaxation, shortest: float, longest: float) -> PronySerie
     if law.power_law is None:
         fractions, times = zip(*(law.prony or ()), strict=True)
         return PronySeries(1.0 - sum(fractions), fractions, times)
-    # Only power laws need this module, which imports the splines of scipy.
-    from indent_sim.theory.relaxation_function import PowerLaw
-
     series = PowerLaw(law.power_law.exponent, law.power_law.time).prony_series(shortest, longest)
     return PronySeries(series.long_term, series.fractions, series.times)
 

@@ -81,23 +81,11 @@ RowSolver = LoadPathSolver | HereditaryIntegralSolver
 
 
 def row_solver(
-    scene: Scene,
-    stepper: Any,
-    optional_output: OptionalOutput | None = None,
-    started: float | None = None,
+    scene: Scene, stepper: Any, optional_output: OptionalOutput, started: float | None = None
 ) -> RowSolver:
-    """Return the solver of the rows of a scene.
+    """Return the solver of the rows of a scene, whose load path or elastic curve `stepper` solves.
 
-    Parameters
-    ----------
-    scene
-        The scene.
-    stepper
-        Solver of its load path, which for a history on the elastic curve is that of the curve.
-    optional_output
-        Evaluates derived quantities.
-    started
-        Reading of the clock at the start of the rows [s].
+    `started` is the reading of the clock at the start of the rows [s].
     """
     if scene.history_on_curve is None:
         return LoadPathSolver(scene, stepper, optional_output)
