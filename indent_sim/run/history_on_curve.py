@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
@@ -23,7 +23,7 @@ from indent_sim.run.derived_quantities import (
     punches_of,
 )
 from indent_sim.run.measured_constants import EDGE_SHIFT, MIN_PULL_OFF_ERROR
-from indent_sim.scene.prescribed_history import needs_time_stepping, remaining_modulus_fraction
+from indent_sim.scene.prescribed_history import remaining_modulus_fraction
 from indent_sim.scene.reference_theory import relative_tip
 from indent_sim.scene.scene import Scene
 from indent_sim.scene.tip_theories import theory_tip_shape
@@ -51,7 +51,7 @@ DEPTH_OVERSHOOT = 1.001
 
 
 @dataclass(frozen=True)
-class HistoryRow:
+class CurveRow:
     """Row of a history or of an equilibrium curve; undefined quantities are NaN.
 
     `calibration_error` is the error of the force due to the calibration of the instrument.
@@ -89,12 +89,12 @@ class HistoryResult:
     report
         The part `experiment` of run.json.
     time
-        The part `time` of run.json.
+        The method of a history, for the part `time` of run.json.
     warnings
         Messages of warnings.
     """
 
-    rows: list[HistoryRow]
+    rows: list[CurveRow]
     dynamic: list[DynamicStiffness] = field(default_factory=list)
     report: dict[str, Any] = field(default_factory=dict)
     time: dict[str, Any] = field(default_factory=dict)
@@ -118,7 +118,7 @@ class HistoryResult:
             "storage": force / depth,
             "loss": force / depth,
         }
-        rows = [HistoryRow(**_scale_numbers(vars(row), units)) for row in self.rows]
+        rows = [CurveRow(**_scale_numbers(vars(row), units)) for row in self.rows]
         dynamic = [DynamicStiffness(**_scale_numbers(vars(row), units)) for row in self.dynamic]
         # Parts of run.json whose numbers have units.
         dimensional_parts = ("adhesion", "cantilever")
@@ -195,9 +195,8 @@ class _HistoryEvaluation:
         )
         self.max_depth = max(scene.physics.deltas)
         self.modulus = relaxation_modulus(scene.relaxation)
-        self.uses_time_stepping = needs_time_stepping(
-            scene.history_on_curve, scene.relaxation, self.compliance
-        )
+        # Method by which the rows of a history are computed
+        self.method = scene.plan.time.method if scene.plan.time else ""
         self.warnings: list[str] = []
         self._curves: dict[float, ElasticCurve] = {}
         # Punches of tip and flat on a body that adheres to a flat, once `jkr` is computed
@@ -314,45 +313,31 @@ class _HistoryEvaluation:
             force, modulus = self._calibration_uncertainty(experiment.calibration)
             report["calibration"] = {"force": force, "modulus": modulus}
             rows = [replace(row, calibration_error=force * abs(row.force)) for row in rows]
+        time_report = {"method": self.method} if self.history else {}
         return HistoryResult(
-            rows, self._dynamic_stiffness(rows), report, self._time_report(), self.warnings
+            rows, self._dynamic_stiffness(rows), report, time_report, self.warnings
         )
 
-    def _time_report(self) -> dict[str, Any]:
-        """Return the part `time` of run.json; empty without a history."""
-        if self.history is None:
-            return {}
-        if self.uses_time_stepping:
-            method = "time steps"
-        elif self.scene.relaxation:
-            method = "quadrature"
-        else:
-            method = "equilibria"
-        why = next(choice.why for choice in self.scene.plan.choices if choice.key == "time")
-        return {"way": "curve", "method": "JKR" if self.jkr else method, "why": why}
-
-    def _rows_at_times(self, rows: list[HistoryRow]) -> list[HistoryRow]:
+    def _rows_at_times(self, rows: list[CurveRow]) -> list[CurveRow]:
         """Select the rows at the requested times (the later one at a jump), or all rows."""
         if self.scene.history_on_curve is None or not self.scene.history_on_curve.times:
             return rows
         last = {row.t: row for row in rows}
         return [last[t] for t in self.scene.history_on_curve.times]
 
-    def _rows(self) -> list[HistoryRow]:
+    def _rows(self) -> list[CurveRow]:
         """Compute the rows by the method that suits the history, adhesion and relaxation."""
         if self.history is None:
             return self._jkr_curve_rows(self.jkr) if self.jkr else self._elastic_curve_rows()
-        if self.jkr:
-            return self._jkr_history_rows(self.jkr, self.history)
-        if self.uses_time_stepping:
-            return self._time_stepped_rows(self.history)
-        return (
-            self._lee_radok_ting_rows(self.history)
-            if self.scene.relaxation
-            else self._quasistatic_rows(self.history)
-        )
+        rows_by: dict[str, Callable[[History], list[CurveRow]]] = {
+            "JKR": self._jkr_history_rows,
+            "equilibria": self._quasistatic_rows,
+            "quadrature": self._lee_radok_ting_rows,
+            "time steps": self._time_stepped_rows,
+        }
+        return rows_by[self.method](self.history)
 
-    def _elastic_curve_rows(self) -> list[HistoryRow]:
+    def _elastic_curve_rows(self) -> list[CurveRow]:
         """Return rows of the elastic curve for an experiment without a history."""
         curve = self.elastic_curve(self.max_depth)
         depth_fractions = (np.arange(1, CURVE_POINTS + 1) / CURVE_POINTS) ** 2
@@ -361,16 +346,16 @@ class _HistoryEvaluation:
             for depth in map(float, self.max_depth * depth_fractions)
         ]
 
-    def _row_on_curve(self, curve: ElasticCurve, t: float, delta: float, branch: str) -> HistoryRow:
+    def _row_on_curve(self, curve: ElasticCurve, t: float, delta: float, branch: str) -> CurveRow:
         """Return the row of an elastic equilibrium at a depth."""
         contact = AdhesiveContact(
             float(curve.contact_radius(np.array(delta))), delta, float(curve.force(np.array(delta)))
         )
         return self._make_row(t, contact, branch)
 
-    def _make_row(self, t: float, contact: AdhesiveContact | Response, branch: str) -> HistoryRow:
+    def _make_row(self, t: float, contact: AdhesiveContact | Response, branch: str) -> CurveRow:
         """Return the row of a contact, with the position of the cantilever's base."""
-        return HistoryRow(
+        return CurveRow(
             t,
             contact.delta + self.compliance * contact.force,
             contact.delta,
@@ -379,7 +364,7 @@ class _HistoryEvaluation:
             branch,
         )
 
-    def _quasistatic_rows(self, history: History) -> list[HistoryRow]:
+    def _quasistatic_rows(self, history: History) -> list[CurveRow]:
         """Return the rows of a history without relaxation: equilibria on the elastic curve."""
         curve = self.elastic_curve(self._max_depth_at(history.largest_value))
         rows = []
@@ -417,7 +402,7 @@ class _HistoryEvaluation:
             f"{largest / softest * self.scene.physics.scales.force:g}"
         )
 
-    def _lee_radok_ting_rows(self, history: History) -> list[HistoryRow]:
+    def _lee_radok_ting_rows(self, history: History) -> list[CurveRow]:
         """Return rows by Lee-Radok and Ting, or by time stepping if the contact grows again."""
         times, values = zip(*history.points_from_rest, strict=True)
         cycle = LeeRadokTing(self.modulus, times, values, self.elastic_curve(max(values)))
@@ -427,7 +412,7 @@ class _HistoryEvaluation:
                 "the contact grows again during unloading or a subsequent hold: the history is "
                 "solved by time stepping"
             )
-            self.uses_time_stepping = True
+            self.method = "time steps"
             return self._time_stepped_rows(history)
         rows = []
         for k, instant in enumerate(instants):
@@ -438,7 +423,7 @@ class _HistoryEvaluation:
             )
         return rows
 
-    def _time_stepped_rows(self, history: History) -> list[HistoryRow]:
+    def _time_stepped_rows(self, history: History) -> list[CurveRow]:
         """Return rows of a relaxing body by time stepping."""
         times, values = map(list, zip(*history.points_from_rest, strict=True))
         surface = self.relaxing_surface(
@@ -465,7 +450,7 @@ class _HistoryEvaluation:
             point += response.t == times[point]
         return rows[len(history.points_from_rest) - len(history.points) :]
 
-    def _jkr_curve_rows(self, jkr: Jkr) -> list[HistoryRow]:
+    def _jkr_curve_rows(self, jkr: Jkr) -> list[CurveRow]:
         """Return the equilibrium curve with adhesion as a function of the contact radius."""
         pull_off = jkr.pull_off(self.compliance)
         deepest_contact = jkr.stable_equilibrium(self.max_depth)
@@ -487,8 +472,10 @@ class _HistoryEvaluation:
             for row, (a, a_base) in zip(rows, both_radii, strict=True)
         ]
 
-    def _jkr_history_rows(self, jkr: Jkr, history: History) -> list[HistoryRow]:
+    def _jkr_history_rows(self, history: History) -> list[CurveRow]:
         """Return stable equilibria along a history with adhesion, with snap-in and pull-off."""
+        jkr = self.jkr
+        assert jkr is not None
         compliance = inf if self.has_prescribed_forces else self.compliance
         pull_off = jkr.pull_off(compliance)
         pull_off_value = (
@@ -506,9 +493,9 @@ class _HistoryEvaluation:
             is_touching = value > pull_off_value if is_touching else value >= jkr.first_contact
             contact = stable(value) if is_touching else None
             separated = (
-                HistoryRow(t, nan, nan, value, 0.0, branch)
+                CurveRow(t, nan, nan, value, 0.0, branch)
                 if self.has_prescribed_forces
-                else HistoryRow(t, value, value, 0.0, 0.0, branch)
+                else CurveRow(t, value, value, 0.0, 0.0, branch)
             )
             rows.append(separated if contact is None else self._make_row(t, contact, branch))
         if any(isnan(row.delta) for row in rows):
@@ -643,7 +630,7 @@ class _HistoryEvaluation:
         self._solve_depth(equilibrium, self.max_depth, self.max_depth)
         return float(equilibrium.force)
 
-    def _dynamic_stiffness(self, rows: list[HistoryRow]) -> list[DynamicStiffness]:
+    def _dynamic_stiffness(self, rows: list[CurveRow]) -> list[DynamicStiffness]:
         """Return the dynamic stiffness of the contact at the end of the history.
 
         It is the stiffness of the contact times the complex modulus G' + i G'' at each frequency.

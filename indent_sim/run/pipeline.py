@@ -31,7 +31,7 @@ from indent_sim.results.reader import Results, read
 from indent_sim.results.result_files import config_file_entries, read_report
 from indent_sim.results.tables import EXPERIMENT
 from indent_sim.results.writer import ResultFolder
-from indent_sim.run.derived_quantities import DerivedQuantities, Equilibrium
+from indent_sim.run.derived_quantities import Equilibrium
 from indent_sim.run.error_estimation.coarser_run import (
     CoarserRun,
     coarser_scene,
@@ -71,7 +71,8 @@ from indent_sim.run.run_output import (
     optional_output_after_run,
 )
 from indent_sim.run.single_run import Progress, SingleRun, backend, require_solver
-from indent_sim.run.solvers.hereditary_integral import ERROR_SOURCES, HereditaryIntegralSolver
+from indent_sim.run.solvers.hereditary_integral import ERROR_SOURCES
+from indent_sim.run.solvers.load_path import LoadPathSolver, row_solver
 from indent_sim.run.solvers.semi_analytic import SemiAnalyticSolver
 from indent_sim.run.summary import rounded_timings
 from indent_sim.scene.imported_body import read_imported_mesh
@@ -558,20 +559,16 @@ def states(
     fe = backend() if scene.is_meshed else None
     mesh = fe and fe.distribute_scene(scene, run_on_root(comm, mesher, scene), comm)
     solver: Any = fe.create_load_stepper(scene, mesh) if fe else SemiAnalyticSolver(scene, comm)
-    derived = DerivedQuantities(scene, solver.equilibrium if fe else None, optional_output)
-    if scene.history_on_curve:
-        solver = HereditaryIntegralSolver(scene, solver)
-        solver.solve()
+    rows = row_solver(scene, solver, optional_output)
+    rows.prepare()
     is_complete = False
     try:
-        for state in solver.states(scene.physics.path, lambda step: with_surface):
-            yield (
-                state if scene.history_on_curve else derived.complete_state(state)
-            ).to_user_units(scene.physics.scales)
+        for state in rows.states(scene.physics.path, lambda step: with_surface):
+            yield state.to_user_units(scene.physics.scales)
         is_complete = True
     finally:
         # PETSc does not free objects that are destroyed after the release.
-        del solver, derived
+        del solver, rows
         # Several ranks release together, and a rank that stops early does not know whether the
         # others do. At interpreter shutdown PETSc is finalized before the last Python objects.
         if is_complete or (comm.size == 1 and not sys.is_finalizing()):
@@ -639,12 +636,9 @@ class CondensedBody:
                 deltas=(first_depth,) * len(forces), path=LoadPath("force", values)
             )
         equilibrium = self.equilibrium.reuse_body(scene)
-        derived = DerivedQuantities(scene, equilibrium)
-        solver = backend().LoadStepper(equilibrium)
+        solver = LoadPathSolver(scene, backend().LoadStepper(equilibrium))
         states = solver.states(scene.physics.path, lambda step: False)
-        return [
-            derived.complete_state(state).to_user_units(scene.physics.scales) for state in states
-        ]
+        return [state.to_user_units(scene.physics.scales) for state in states]
 
 
 def condense(scene: Scene, comm: Comm = None) -> CondensedBody:

@@ -26,15 +26,13 @@ from indent_sim.process.ranks import run_on_root
 from indent_sim.process.signals import defer_signals
 from indent_sim.process.usage import Clock
 from indent_sim.results.checkpoint import Checkpoint
-from indent_sim.results.tables import EXPERIMENT
 from indent_sim.results.tip_geometry import TipGeometry, plot_width, tip_mesh
-from indent_sim.run.derived_quantities import DerivedQuantities
 from indent_sim.run.error_estimation.error_bars import AnyErrorBars
 from indent_sim.run.explicit_config import written_fields
 from indent_sim.run.previous_rows import PreviousRows
 from indent_sim.run.run_output import RunOutput
 from indent_sim.run.sanity_checks import violated_bound
-from indent_sim.run.solvers.hereditary_integral import HereditaryIntegralSolver
+from indent_sim.run.solvers.load_path import RowSolver, row_solver
 from indent_sim.run.solvers.semi_analytic import SemiAnalyticSolver
 from indent_sim.run.summary import rounded_timings, summary
 from indent_sim.scene.scene import Scene
@@ -116,11 +114,8 @@ class SingleRun:
             self._solver: Any = SemiAnalyticSolver(
                 self.scene, self.run_output.comm, self.clock.started - earlier_seconds
             )
-            self._derived_quantities: Any = DerivedQuantities(
-                self.scene, None, self.run_output.optional_output
-            )
             self._fields = self._mesh = None
-            self._use_history_solver(earlier_seconds)
+            self._row_solver: Any = self._create_row_solver(earlier_seconds)
             return
         run_output = self.run_output
         scene = self.scene
@@ -134,10 +129,7 @@ class SingleRun:
             self._mesh = mesh = fe.distribute_scene(scene, grid, run_output.comm)
         with clock.stage("assemble"):
             self._solver = fe.create_load_stepper(scene, mesh, clock.started - earlier_seconds)
-            self._use_history_solver(earlier_seconds)
-        self._derived_quantities = DerivedQuantities(
-            scene, self._solver.equilibrium, run_output.optional_output
-        )
+        self._row_solver = self._create_row_solver(earlier_seconds)
         dofs = self._solver.equilibrium.observed_body.dofs
         versions = fe.versions()
         if grid is not None:  # only rank 0 has it, which writes
@@ -188,12 +180,14 @@ class SingleRun:
                 information=field_metadata,
             )
 
-    def _use_history_solver(self, earlier_seconds: float) -> None:
-        """Replace the solver of the elastic curve by a solver that evaluates the history on it."""
-        if self.scene.history_on_curve:
-            self._solver = HereditaryIntegralSolver(
-                self.scene, self._solver, self.clock.started - earlier_seconds
-            )
+    def _create_row_solver(self, earlier_seconds: float) -> RowSolver:
+        """Return the solver of the rows."""
+        return row_solver(
+            self.scene,
+            self._solver,
+            self.run_output.optional_output,
+            self.clock.started - earlier_seconds,
+        )
 
     def _field_mesh(self, grid: Any) -> tuple[Any, ...]:
         """Return mesh and tip of the field file, in the user's units; empty without a grid."""
@@ -268,22 +262,13 @@ class SingleRun:
         The next checkpoint follows after at least a second and 20 times the duration of this one.
         """
         start_time = time.monotonic()
-        if self.states and (points := self._solver.points):
+        if self.states and (points := self._row_solver.points):
             pulls = self._solver.pull_off_points if self.scene.physics.searches_pull_off else {}
             self.run_output.save_checkpoint(
                 Checkpoint(len(self.states), points, pulls), self._checkpoint_compatibility
             )
             end_time = time.monotonic()
             self._next_checkpoint = end_time + max(1.0, 20 * (end_time - start_time))
-
-    @property
-    def _row_count(self) -> int:
-        """Number of rows of the whole run; for a history, known only after `solve`."""
-        return len(
-            self._solver.history_result.rows
-            if isinstance(self._solver, HereditaryIntegralSolver)
-            else self.scene.physics.deltas
-        )
 
     def solve_path(self, progress: Progress | None) -> list[State]:
         """Solve the load path and return its states in the user's units.
@@ -295,25 +280,23 @@ class SingleRun:
         """
         row_count = len(self.states)
         try:
-            if isinstance(self._solver, HereditaryIntegralSolver):
-                with self.clock.stage("solve"):
-                    self._solver.solve(self.error_bars)
+            with self.clock.stage("solve"):
+                self._row_solver.prepare(self.error_bars)
             if progress is not None and self.states:
-                progress(self.states[-1], row_count, self._row_count)
-            solved_states = self._solver.states(
+                progress(self.states[-1], row_count, self._row_solver.row_count)
+            solved_states = self._row_solver.states(
                 self._path, self._wants_surface, min(self._first_step, row_count)
             )
             while state := self._next_state(solved_states):
                 if not state.converged:
                     remedies_text = self._remedies_text(state)
-                    raise NotConverged(
-                        f"step {state.step} of {self._row_count}: {state.reason}{remedies_text}"
-                    )
+                    step_text = f"step {state.step} of {self._row_solver.row_count}"
+                    raise NotConverged(f"{step_text}: {state.reason}{remedies_text}")
                 if state.step <= row_count:
                     continue
                 self._record_state(state.to_user_units(self.scene.physics.scales))
                 if progress is not None:
-                    progress(self.states[-1], state.step, self._row_count)
+                    progress(self.states[-1], state.step, self._row_solver.row_count)
             if self.scene.physics.searches_pull_off:
                 with self.clock.stage("pull-off"):
                     self._pull_off = self.run_output.optional_output(
@@ -386,22 +369,9 @@ class SingleRun:
         """Evaluate the experiment or history on the elastic curve, and write its results."""
         if not self.scene.uses_elastic_curve:
             return
-        # Imported here since it loads scipy.optimize, which other scenes do not need.
-        from indent_sim.run.history_on_curve import HistoryResult, evaluate_with_units
-
-        if isinstance(self._solver, HereditaryIntegralSolver):
-            history_result = self._solver.history_result.in_units(self.scene.physics.scales)
-        else:
-            equilibrium = self._solver.equilibrium if self.scene.is_meshed else None
-            with self.clock.stage("experiment"):
-                history_result = self.run_output.optional_output(
-                    EXPERIMENT,
-                    lambda: evaluate_with_units(self.scene, equilibrium),
-                    HistoryResult([]),
-                )
-        self.run_output.write_experiment(
-            [] if self.scene.history_on_curve else history_result.rows, history_result.dynamic
-        )
+        with self.clock.stage("experiment"):
+            history_result = self._row_solver.experiment()
+        self.run_output.write_experiment(history_result.rows, history_result.dynamic)
         entries: dict[str, Any] = (
             {"experiment": history_result.report} if self.scene.experiment else {}
         )
@@ -412,7 +382,7 @@ class SingleRun:
 
     def release(self) -> None:
         """Free the memory of the solution (collective), for further runs in the same process."""
-        self._solver = self._fields = self._derived_quantities = None
+        self._solver = self._fields = self._row_solver = None
         if self._mesh is not None:
             backend().release(self._mesh)
 
@@ -424,26 +394,13 @@ class SingleRun:
         return is_written.get(self.output_settings.surface, False)
 
     def _next_state(self, solved_states: Iterator[State]) -> State | None:
-        """Solve the next state and complete its derived quantities; None at the end of the path."""
+        """Solve the next state; return None at the end of the path."""
         with self.clock.stage("solve"):
-            state = next(solved_states, None)
-            return (
-                self._derived_quantities.complete_state(state)
-                if state and self.scene.history_on_curve is None
-                else state
-            )
+            return next(solved_states, None)
 
     def _record_state(self, state: State) -> None:
-        """Check a converged state and write it.
-
-        Rows of a history are not checked, since the elastic curve from which they are computed has
-        been checked.
-        """
-        state = (
-            self._solver.add_error_estimate(state)
-            if isinstance(self._solver, HereditaryIntegralSolver)
-            else self._check_state(state)
-        )
+        """Check a converged state and write it."""
+        state = self._row_solver.verify(state, self._check_state)
         with self.clock.stage("write"):
             if self._fields_to_write == "all" or state.step in self._steps_always_written:
                 self._write_fields(state)
@@ -452,7 +409,7 @@ class SingleRun:
             self._previous_rows.append(state)
             # Saving is collective, so rank 0 decides for all.
             is_due = self.run_output.comm.bcast(time.monotonic() >= self._next_checkpoint)
-            if is_due and state.step < self._row_count:
+            if is_due and state.step < self._row_solver.row_count:
                 self._save_checkpoint()
 
     def _check_state(self, state: State) -> State:
@@ -472,11 +429,7 @@ class SingleRun:
     @property
     def states_with_errors(self) -> list[State]:
         """The states with error estimates: the rows, or the elastic curve of a history."""
-        return (
-            self._solver.states_with_errors
-            if isinstance(self._solver, HereditaryIntegralSolver)
-            else self.states
-        )
+        return self._row_solver.states_with_errors(self.states)
 
     def _check_force_balance(self, state: State) -> None:
         """Check the force balance of a row, and its fluid balance.

@@ -277,8 +277,8 @@ def mesh(
     return choices
 
 
-def is_followed_on_body(config: Config, setup: ProblemSetup, solver: Choice) -> bool:
-    """True if a history is solved on the mesh, because it does not follow from an elastic curve."""
+def follows_history(config: Config, setup: ProblemSetup, solver: Choice) -> bool:
+    """True if the load path is a history that does not follow from an elastic curve."""
     return setup.history is not None and (
         bool(config.contact.reason_no_elastic_curve) or solver.value == "newton"
     )
@@ -308,10 +308,8 @@ def time_steps(setup: ProblemSetup, physics: ProblemDefinition, sizes: Sizes) ->
         reasons.append(
             "a hundredth of the shortest segment of the history, because the body creeps"
         )
-        method = "backward Euler"
-    elif physics.permeable_regions:
-        method = "SDIRK2"
-    else:
+    method = physics.time_integration
+    if method == "exponentials":
         method = "exact integration of the Prony exponentials"
     reasons.append(
         f"in every segment of the history {setup.steps_per_doubling} steps of this length, then as "

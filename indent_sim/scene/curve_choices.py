@@ -7,17 +7,31 @@ from typing import TYPE_CHECKING
 from indent_sim.model.experiment import Experiment
 from indent_sim.process.errors import ConfigError
 from indent_sim.scene.choices import Choice, Choices
+from indent_sim.scene.prescribed_history import CurveMethod
 from indent_sim.scene.problem_setup import ProblemSetup
 
 if TYPE_CHECKING:
     from indent_sim.config.schema import Config
 
 
+# Reason for each method by which a history is evaluated on the elastic curve.
+METHOD_REASONS: dict[CurveMethod, str] = {
+    "JKR": "the JKR limit: exact for this body if the range of the attraction is short",
+    "equilibria": "quasi-static: every point is an equilibrium on the elastic curve",
+    "quadrature": (
+        "Lee & Radok while the contact grows, Ting while it shrinks: exact for a homogeneous body, "
+        "or for layers that relax alike"
+    ),
+    "time steps": (
+        "viscoelastic time stepping on the surface compliance, with an error of 1e-4: the history "
+        "is not one loading and unloading with prescribed depths"
+    ),
+}
 UNITS_REMEDY = "check that work, R and E are in consistent units"
 
 
 def curve(
-    config: Config, setup: ProblemSetup, solver: Choice, follows_whole: bool = False
+    config: Config, setup: ProblemSetup, solver: Choice, follows_history: bool = False
 ) -> Choices:
     """Return the choices for the evaluation of an experiment and a history.
 
@@ -29,8 +43,8 @@ def curve(
         The nondimensional problem.
     solver : Choice
         The chosen solver, with its reason.
-    follows_whole : bool, optional
-        True if the history is solved step by step on the mesh.
+    follows_history : bool, optional
+        True if the load path is the history, which is solved step by step on the mesh.
 
     Returns
     -------
@@ -44,7 +58,7 @@ def curve(
     """
     if setup.experiment is None and setup.history is None:
         return []
-    if follows_whole:
+    if follows_history:
         reason = solver.why if solver.value == "newton" else config.contact.reason_no_elastic_curve
         _refuse_curve_features(setup, reason)
         return [Choice("time", "steps", f"solved on the mesh, row by row: {reason}")]
@@ -54,22 +68,11 @@ def curve(
         solver,
         "experiment" if setup.experiment else f"loading.{config.loading.given_path_keys[0]}",
     )
-    jkr_reason = "the JKR limit: exact for this body if the range of the attraction is short"
-    choices = [Choice("experiment.adhesion", "JKR", jkr_reason)] if setup.jkr_limit else []
-    if setup.history:
-        ting_reason = (
-            "Lee & Radok while the contact grows, Ting while it shrinks: exact for a homogeneous "
-            "body, or for layers that relax alike"
-        )
-        static_reason = "quasi-static: every point is an equilibrium on the elastic curve"
-        reason = ting_reason if setup.relaxation else static_reason
-        if setup.uses_time_stepping:
-            stepping_reason = (
-                "viscoelastic time stepping on the surface compliance, with an error of 1e-4: "
-                "the history is not one loading and unloading with prescribed depths"
-            )
-            reason = stepping_reason
-        choices.append(Choice("time", "curve", jkr_reason if setup.jkr_limit else reason))
+    choices = []
+    if setup.jkr_limit:
+        choices.append(Choice("experiment.adhesion", "JKR", METHOD_REASONS["JKR"]))
+    if setup.curve_method:
+        choices.append(Choice("time", "curve", METHOD_REASONS[setup.curve_method]))
     return choices
 
 
@@ -130,7 +133,7 @@ def _refuse_curve(config: Config, setup: ProblemSetup, solver: Choice, key: str)
         raise ConfigError("experiment.adhesion", problem, UNITS_REMEDY)
     if setup.jkr_limit and solver.value == "condensed" and setup.adhesive_radii:
         _refuse_radius_range(setup, *setup.adhesive_radii)
-    if setup.uses_time_stepping and solver.value == "theory" and physics.body.dim == 2:
+    if setup.curve_method == "time steps" and solver.value == "theory" and physics.body.dim == 2:
         problem = (
             "this history of a relaxing strip needs time stepping on the surface compliance of a "
             "mesh"

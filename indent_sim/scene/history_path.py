@@ -87,7 +87,7 @@ def problem_along_history(
     return replace(physics, path=path, deltas=_depths_along(setup, path))
 
 
-def row_depths(setup: ProblemSetup, is_time_stepped: bool) -> tuple[float, ...]:
+def row_depths(setup: ProblemSetup, follows_history: bool) -> tuple[float, ...]:
     """Return the expected depths [length] of the output rows that a scene requests.
 
     A history without `times` requests no rows. If it is solved by time stepping, every time step is
@@ -99,14 +99,14 @@ def row_depths(setup: ProblemSetup, is_time_stepped: bool) -> tuple[float, ...]:
     ----------
     setup : ProblemSetup
         The problem setup.
-    is_time_stepped : bool
-        True if the history is solved step by step.
+    follows_history : bool
+        True if the load path is the history, which is solved step by step.
     """
     if setup.history and setup.history.times:
         return tuple(
             min(delta, setup.max_depth) for delta in _depths_along(setup, setup.history.path)
         )
-    return () if is_time_stepped else setup.physics.deltas
+    return () if follows_history else setup.physics.deltas
 
 
 def _depths_along(setup: ProblemSetup, path: LoadPath) -> tuple[float, ...]:

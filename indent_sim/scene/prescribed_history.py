@@ -3,26 +3,38 @@
 from __future__ import annotations
 
 from math import ceil, sqrt
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
+from indent_sim.model.experiment import Experiment
 from indent_sim.model.history import History
 from indent_sim.model.loading import STEPS_PER_DOUBLING
 from indent_sim.model.relaxation import PronySeries, Relaxation
 from indent_sim.scene.resolution import target_error
+from indent_sim.theory.relaxation_function import PowerLaw
 
 if TYPE_CHECKING:
     from indent_sim.config.schema import Config
 
 
-def needs_time_stepping(history: History | None, law: Relaxation | None, compliance: float) -> bool:
-    """True if a relaxing body needs viscoelastic time stepping instead of a quadrature.
+# Method by which a history is evaluated on the elastic curve of a body.
+CurveMethod = Literal["JKR", "equilibria", "quadrature", "time steps"]
 
-    Time stepping is needed for prescribed forces, for a tip on a spring, and for repeated loading.
+
+def curve_method(
+    history: History, law: Relaxation | None, experiment: Experiment | None
+) -> CurveMethod:
+    """Return the method by which a history is evaluated on the elastic curve.
+
+    A relaxing body needs viscoelastic time stepping instead of a quadrature for prescribed forces,
+    for a tip on a spring, and for repeated loading. A body that relaxes does not adhere.
     """
-    is_general = history is not None and (
-        history.control == "force" or compliance > 0 or history.has_reloading
-    )
-    return law is not None and is_general
+    if experiment and experiment.adhesion:
+        return "JKR"
+    if law is None:
+        return "equilibria"
+    compliance = experiment.compliance if experiment else 0.0
+    is_general = history.control == "force" or compliance > 0 or history.has_reloading
+    return "time steps" if is_general else "quadrature"
 
 
 def prony_series(law: Relaxation, shortest: float, longest: float) -> PronySeries:
@@ -38,9 +50,6 @@ def prony_series(law: Relaxation, shortest: float, longest: float) -> PronySerie
     if law.power_law is None:
         fractions, times = zip(*(law.prony or ()), strict=True)
         return PronySeries(1.0 - sum(fractions), fractions, times)
-    # Only power laws need this module, which imports the splines of scipy.
-    from indent_sim.theory.relaxation_function import PowerLaw
-
     series = PowerLaw(law.power_law.exponent, law.power_law.time).prony_series(shortest, longest)
     return PronySeries(series.long_term, series.fractions, series.times)
 

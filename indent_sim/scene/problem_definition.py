@@ -347,6 +347,15 @@ class ProblemDefinition:
         return any(region.material.creeps for region in self.domain.regions)
 
     @property
+    def time_integration(self) -> str:
+        """Method of the time integration along a history; "equilibria" of an elastic body."""
+        if self.creeps:
+            return "backward Euler"
+        if self.permeable_regions:
+            return "SDIRK2"
+        return "exponentials" if self.relaxing_regions else "equilibria"
+
+    @property
     def is_time_dependent(self) -> bool:
         """True if the force changes with time at a constant depth."""
         return any(region.material.is_time_dependent for region in self.domain.regions)

@@ -41,7 +41,8 @@ from indent_sim.scene.imported_body import (
 )
 from indent_sim.scene.limiting_elastic_laws import relaxed_law, undrained_law
 from indent_sim.scene.prescribed_history import (
-    needs_time_stepping,
+    CurveMethod,
+    curve_method,
     remaining_modulus_fraction,
     time_steps_per_doubling,
 )
@@ -102,8 +103,6 @@ class ProblemSetup:
         The prescribed history, nondimensional. `physics.path` then leads to its largest depth.
     relaxation : Relaxation or None
         Relaxation of the whole body.
-    uses_time_stepping : bool
-        True if a relaxing body needs viscoelastic time stepping.
     steps_per_doubling : int
         Number of time steps before the step size doubles.
     attraction : Adhesion or None
@@ -129,7 +128,6 @@ class ProblemSetup:
     experiment: Experiment | None
     history: History | None
     relaxation: Relaxation | None
-    uses_time_stepping: bool
     steps_per_doubling: int
     attraction: Adhesion | None
     theory_without_tension: Theory | None
@@ -166,6 +164,13 @@ class ProblemSetup:
         At smaller lengths, surface tension dominates the elasticity.
         """
         return self.physics.surface_tension / self.physics.material.E_star
+
+    @property
+    def curve_method(self) -> CurveMethod | None:
+        """Method by which the history is evaluated on the elastic curve; None without a history."""
+        if self.history is None:
+            return None
+        return curve_method(self.history, self.relaxation, self.experiment)
 
     @property
     def jkr_limit(self) -> JKRAdhesion | None:
@@ -396,7 +401,6 @@ def _set_up(
         return theory_of(whole_body, changed, tip, center, tension)
 
     experiment = config.experiment and config.experiment.nondimensionalize(scales)
-    uses_time_stepping = needs_time_stepping(history, relaxation, compliance)
     steps_per_doubling = time_steps_per_doubling(config)
     theory_without_tension = theory_of(whole_body, layers, tip, center) if tension else theory
     expectations = (
@@ -406,7 +410,6 @@ def _set_up(
         experiment,
         history,
         relaxation,
-        uses_time_stepping,
         steps_per_doubling,
         attraction,
         theory_without_tension,

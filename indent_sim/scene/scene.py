@@ -458,15 +458,16 @@ def _meshed_scene(config: Config, setup: ProblemSetup, per_radius: float | None)
         slip_reference=slip_reference,
     )
     solver, linear, cost = _choose_solver(config, setup, physics, sizes)
-    if is_in_time := choices.is_followed_on_body(config, setup, solver):
+    if follows_history := choices.follows_history(config, setup, solver):
         physics = problem_along_history(setup, physics, drained_face_size(physics, sizes))
         solver, linear, cost = _choose_solver(config, setup, physics, sizes)
+    history_on_curve = None if follows_history else setup.history
     if cost.memory > machine_memory():
         work = physics.solver_work(str(solver.value), str(linear.value))
         raise _memory_error(config, physics, sizes, work, fineness)
     warnings = (
         *material_warnings(config, setup),
-        *scene_warnings(setup, row_depths(setup, is_in_time), law, gap, sizes),
+        *scene_warnings(setup, row_depths(setup, follows_history), law, gap, sizes),
         *fluid_warnings(setup, physics, sizes),
     )
     body_choices = (
@@ -493,9 +494,9 @@ def _meshed_scene(config: Config, setup: ProblemSetup, per_radius: float | None)
     peak_reason = missing_peak_reason(physics, sizes, setup.a if setup.max_depth > 0 else 0.0)
     peak_choices = [Choice("p_max", "empty", peak_reason)] if peak_reason else []
     mesh_choices = choices.mesh(config, setup, sizes, fineness)
-    decisions_on_curve = curve_choices.curve(config, setup, solver, is_in_time)
-    choices.refuse_nodal_stress(config, has_fields=not setup.history or is_in_time)
-    if setup.history and not is_in_time:
+    decisions_on_curve = curve_choices.curve(config, setup, solver, follows_history)
+    choices.refuse_nodal_stress(config, has_fields=history_on_curve is None)
+    if history_on_curve:
         choices.refuse_reactions(
             config,
             "a history is evaluated on the elastic load curve, which contains only the "
@@ -540,10 +541,8 @@ def _meshed_scene(config: Config, setup: ProblemSetup, per_radius: float | None)
         method=solver.value,  # type: ignore[arg-type]
         linear=linear.value,  # type: ignore[arg-type]
     )
-    history = None if is_in_time else setup.history
-    return Scene(
-        physics, sizes, settings, plan, setup.experiment, history, setup.relaxation, tip_scene
-    )
+    evaluation = setup.experiment, history_on_curve, setup.relaxation
+    return Scene(physics, sizes, settings, plan, *evaluation, tip_scene)
 
 
 def _history_reason(all_choices: Iterable[Choice]) -> str:

@@ -233,7 +233,7 @@ def sizes(
             domain.smallest_semi_axis,
             edge_refinement,
         )
-    if setup.uses_time_stepping and domain.dim == 2 and fixed_sizes.h_contact is None:
+    if setup.curve_method == "time steps" and domain.dim == 2 and fixed_sizes.h_contact is None:
         fixed_sizes = replace(
             fixed_sizes,
             h_contact=round_length(min(a / STEPPED_ELEMENTS_PER_RADIUS, domain.height / 4)),

@@ -124,7 +124,7 @@ def time_prediction(
     )
     return TimePrediction(
         evaluation,
-        _time_method(setup, physics),
+        physics.time_integration if physics.path.times else str(setup.curve_method),
         why,
         D,
         times,
@@ -147,17 +147,6 @@ def _equilibrium_count(physics: ProblemDefinition) -> int:
             count += 2 if physics.permeable_regions and end > t else 1
             t = end
     return count
-
-
-def _time_method(setup: ProblemSetup, physics: ProblemDefinition) -> str:
-    """Return the name of the time integration method for the increments of a history."""
-    if not physics.path.times:
-        if setup.uses_time_stepping:
-            return "time steps"
-        return "quadrature" if setup.relaxation else "equilibria"
-    if physics.permeable_regions:
-        return "SDIRK2"
-    return "exponentials" if physics.relaxing_regions else "equilibria"
 
 
 def _relaxation_times(setup: ProblemSetup, physics: ProblemDefinition) -> list[float]:

@@ -1,1 +1,1 @@
-"""Solvers of load paths that are not solved row by row on a mesh."""
+"""Solvers of the rows of a run, and of load paths that are not solved on a mesh."""

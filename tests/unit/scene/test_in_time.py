@@ -35,6 +35,39 @@ def of(*args: Any, **sections: Any) -> TimePrediction:
     return found
 
 
+ELASTIC = {"model": "linear_elastic", "E": 1.0, "nu": 0.3}
+PRONY = [[0.5, 1.0]]
+CREEPING = ELASTIC | {"plasticity": {"yield_stress": 0.01, "creep": {"rate": 0.1, "m": 0.2}}}
+CYCLES = [[0, 0], [1, DEPTH], [2, 0], [3, DEPTH]]
+
+
+@pytest.mark.parametrize(
+    "material, history, sections, way, method",
+    [
+        (ELASTIC, RAMP, {}, "curve", "equilibria"),
+        (ELASTIC, RAMP, {"experiment": {"adhesion": {"work": 1e-5}}}, "curve", "JKR"),
+        (ELASTIC | {"relaxation": {"prony": PRONY}}, RAMP, {}, "curve", "quadrature"),
+        (ELASTIC | {"relaxation": {"prony": PRONY}}, CYCLES, {}, "curve", "time steps"),
+        (ELASTIC, RAMP, {"solver": {"method": "newton"}}, "steps", "equilibria"),
+        (
+            ELASTIC | {"relaxation": {"prony": PRONY, "of": "shear"}},
+            RAMP,
+            {},
+            "steps",
+            "exponentials",
+        ),
+        (POROUS, RAMP, {}, "steps", "SDIRK2"),
+        (CREEPING, RAMP, {}, "steps", "backward Euler"),
+    ],
+)
+def test_method_of_a_history(
+    material: dict[str, Any], history: Any, sections: dict[str, Any], way: str, method: str
+) -> None:
+    """Each kind of body and history has its method; a repeated approach needs time steps."""
+    found = of(material, history, **sections)
+    assert (found.way, found.method) == (way, method)
+
+
 def test_times_of_a_body_that_drains() -> None:
     """The diffusion times are a^2/D of the contact, of its elements and of the height."""
     planned = scene()
