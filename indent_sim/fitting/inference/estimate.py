@@ -901,7 +901,8 @@ def fit_adhesive_pilot(
     p : ndarray, shape (p,)
         The parameters.
     weak_sides : tuple of int
-        Sides of the curve without a clear jump.
+        Sides of the curve whose jump is neither clear nor placed yet; jumps are placed in the
+        samples themselves, if these are few enough for the pilot fit.
     """
     jumps = find_jumps(samples.x, samples.force, _sides(samples))
     touch = jumps.touch if origin.contact_point is None else None
@@ -924,7 +925,9 @@ def fit_adhesive_pilot(
             continue
     if not trials:
         raise FitRejected("no contact: no fit was found")
-    _, p, _ = min(trials, key=lambda trial: trial[2])
+    placed_model, p, _ = min(trials, key=lambda trial: trial[2])
+    if pilot_model.samples is model.samples:
+        return placed_model, p, ()
     return model, convert_baseline(pilot_model, model, p), jumps.weak_sides
 
 
