@@ -22,7 +22,6 @@ from indent_sim.fitting.forward_model.cone_loop import (
 from indent_sim.fitting.forward_model.elastic_load_curve import (
     ElasticLoadCurve,
     elastic_config,
-    plan_elastic_run,
     solve_load_curve,
 )
 from indent_sim.fitting.forward_model.forward_model import (
@@ -818,7 +817,7 @@ def _report_entry(
     if assessment.together:
         entry |= {"together": {"p": assessment.together.p_together}}
     entry |= {
-        "hertz": _hertz_comparison(assessment, config),
+        "hertz": _hertz_comparison(assessment),
         "model_error": _force_error(estimate),
     }
     return entry | {
@@ -898,7 +897,7 @@ def _alternative_entry(
     }
 
 
-def _hertz_comparison(assessment: ModelAssessment, config: Config) -> dict[str, float] | None:
+def _hertz_comparison(assessment: ModelAssessment) -> dict[str, float] | None:
     """Return the modulus by a fit of the half-space formula with the same contact point.
 
     The keys are `E`, the modulus, and `percent`, its difference from the modulus of the scene in
@@ -908,7 +907,7 @@ def _hertz_comparison(assessment: ModelAssessment, config: Config) -> dict[str, 
     forward_model = assessment.estimate.model.forward_model
     if forward_model.follows_loop:
         return None
-    planned_run = plan_elastic_run(config, forward_model.max_depth)
+    planned_run = forward_model.elastic_run
     point_count = 200
     samples = estimate.model.samples.block_means(point_count)
     contact_force = estimate.model.samples.force - estimate.model.baseline(estimate.p)

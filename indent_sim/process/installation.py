@@ -11,7 +11,6 @@ from importlib.metadata import PackageNotFoundError, distribution
 from importlib.util import find_spec
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
-from urllib.request import url2pathname
 
 # Packages that solve a scene on a mesh. Scenes and fits by theory do not need them.
 SOLVER_PACKAGES = ("mpi4py", "petsc4py", "ufl", "dolfinx", "gmsh")
@@ -109,6 +108,8 @@ def _requirement(extra: str = "") -> str:
 
 def _source_folder() -> str:
     """Return the source folder from which pip installed the program; "" if it was downloaded."""
+    from urllib.request import url2pathname
+
     try:
         record = distribution("indent-sim").read_text("direct_url.json")
     except PackageNotFoundError:

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import scipy.stats
+from scipy.special import bdtr
 
 from indent_sim.config.key_dimensions import (
     DIMENSIONLESS,
@@ -383,7 +383,7 @@ def _bounded_quantile(count: int) -> tuple[float, int]:
     """
     for quantile in (0.99, 0.95, 0.9):
         places = np.arange(count)
-        bounds = scipy.stats.binom.cdf(places, count, quantile) >= CONFIDENCE
+        bounds = bdtr(places, count, quantile) >= CONFIDENCE
         if bounds.any():
             return quantile, int(np.argmax(bounds))
     return round(float((1 - CONFIDENCE) ** (1 / count)), 3), count - 1

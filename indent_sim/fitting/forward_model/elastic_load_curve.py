@@ -12,7 +12,7 @@ import copy
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -45,6 +45,30 @@ DEPTH_ROOTS = 0.5 * (1 + MIN_DEPTH_ROOT) - 0.5 * (1 - MIN_DEPTH_ROOT) * np.cos(
     np.pi * (np.arange(SOLVED_DEPTHS) + 0.5) / SOLVED_DEPTHS
 )
 ROOT_DOMAIN = (MIN_DEPTH_ROOT, 1.0)
+
+
+@dataclass(frozen=True)
+class PunchTable:
+    """Flat punches of geometrically spaced radii (m,).
+
+    Attributes
+    ----------
+    log_radius
+        Logarithms of the radii relative to the largest one.
+    radius
+        Radii [length].
+    depth, force
+        Depth [length] and force [force] at which a tip without adhesion has this contact radius.
+    stiffness, slope
+        Stiffness K of the punch [force/length], and its derivative dK/da [force/length^2].
+    """
+
+    log_radius: np.ndarray
+    radius: np.ndarray
+    depth: np.ndarray
+    force: np.ndarray
+    stiffness: np.ndarray
+    slope: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -95,6 +119,18 @@ class ElasticLoadCurve:
         is_inside = (root > ROOT_DOMAIN[0]) & (root < ROOT_DOMAIN[1] + 1e-9)
         log_slope = self.exponent + np.where(is_inside, 0.5 * root * slope, 0.0)
         return force, force * log_slope / positive_depth
+
+    @cached_property
+    def punches(self) -> PunchTable:
+        """Flat punches up to the largest contact radius."""
+        assert self.punch_coefficients is not None
+        log_min_radius = math.log(MIN_RADIUS_FRACTION)
+        punch_count = 1500
+        log_radius = np.linspace(log_min_radius, 0.0, punch_count)
+        columns = np.exp(
+            chebyshev.chebval(1.0 - 2.0 * log_radius / log_min_radius, self.punch_coefficients.T)
+        )
+        return PunchTable(log_radius, self.max_radius * np.exp(log_radius), *columns)
 
     def log_variation(self, delta: np.ndarray, coefficients: np.ndarray) -> np.ndarray:
         """Return a Chebyshev series in s, such as g(s), at depths (n,) [length].

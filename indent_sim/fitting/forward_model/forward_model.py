@@ -16,16 +16,16 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.polynomial import chebyshev
 
 from indent_sim.config.schema import Config
 from indent_sim.config.strict_yaml import key_path
 from indent_sim.fitting.forward_model.elastic_load_curve import (
-    MIN_RADIUS_FRACTION,
     ElasticLoadCurve,
     ElasticLoadCurveGrid,
     TabulatedLoadCurve,
+    plan_elastic_run,
 )
+from indent_sim.fitting.forward_model.jkr_branch import JkrBranch
 from indent_sim.fitting.forward_model.measured_path_forces import (
     MeasuredPath,
     MeasuredPathForces,
@@ -46,6 +46,7 @@ from indent_sim.fitting.forward_model.surrogate_load_curves import (
 )
 from indent_sim.process.errors import ConfigError
 from indent_sim.run.history_on_curve import relaxation_modulus
+from indent_sim.run.planned_run import PlannedRun
 
 # Key of the exponent of the depth by which an alternative model multiplies the force.
 FREE_EXPONENT_KEY = "exponent"
@@ -233,8 +234,8 @@ class ForwardModel:
         t
             Times (n,) [s] in increasing order, or None.
         branch
-            Branch of every sample (n,) of an adhesive tip, `APPROACH`, `RETRACT` or another number
-            for a sample out of contact; None if the model decides what is in contact.
+            Branch of every sample (..., n) of an adhesive tip, `APPROACH`, `RETRACT` or another
+            number for a sample out of contact; None if the model decides what is in contact.
 
         Returns
         -------
@@ -242,8 +243,9 @@ class ForwardModel:
             Forces [force].
         """
         if theta.ndim > 1 and not self.is_batchable:
+            curves = curves_of_batch(theta, x, branch)
             return np.stack(
-                [self(theta_row, x_row, t, branch) for theta_row, x_row in self._pairs(theta, x)]
+                [self(theta_row, row, t, branches) for theta_row, row, branches in curves]
             )
         settings = self._experiment_settings(theta)
         if self.is_time_dependent and t is None:
@@ -251,9 +253,7 @@ class ForwardModel:
         if self.path_forces is not None and t is not None:
             return self._force_along_path(self.path_forces, settings, x, t)
         if self.has_adhesion:
-            return self._adhesive_force(
-                self.elastic_curves.load_curve(settings.shape_coordinates), settings, x, branch
-            )
+            return self._adhesive_force(settings, x, branch)
         load_curve = self._load_curve(settings)
         if settings.relaxation is not None and t is not None:
             return self._relaxed_force(load_curve, settings, x, settings.relaxation(t))
@@ -277,7 +277,7 @@ class ForwardModel:
         t
             Times (n,) [s], or None.
         branch
-            Branch of every sample (n,) of an adhesive tip, or None.
+            Branch of every sample (..., n) of an adhesive tip, or None.
 
         Returns
         -------
@@ -285,12 +285,12 @@ class ForwardModel:
             Forces [force].
         derivatives : ndarray, shape (..., k + 1, n)
             dF/dtheta, and -dF/dx as the last row. The derivatives are analytic for elastic bodies,
-            and central differences for other bodies. -dF/dx is 0 beside a snap-in, where F jumps.
+            and central differences for other bodies.
         """
         if theta.ndim > 1 and not self.is_batchable:
             results = [
-                self.linearize(theta_row, x_row, t, branch)
-                for theta_row, x_row in self._pairs(theta, x)
+                self.linearize(theta_row, row, t, branches)
+                for theta_row, row, branches in curves_of_batch(theta, x, branch)
             ]
             forces, derivatives = zip(*results, strict=True)
             return np.stack(forces), np.stack(derivatives)
@@ -298,6 +298,8 @@ class ForwardModel:
             force = self(theta, x, t, branch)
             return force, self._difference_quotients(theta, x, t, branch)
         settings = self._experiment_settings(theta)
+        if self.has_adhesion:
+            return self._linearize_adhesive_force(theta, settings, x, branch)
         load_curve = self._load_curve(settings)
         delta, force, stiffness = self._spring_balance(load_curve, settings, x)
         rows = [
@@ -311,20 +313,14 @@ class ForwardModel:
 
     @property
     def has_analytic_derivatives(self) -> bool:
-        """True for an elastic body without adhesion."""
-        return not (self.has_adhesion or self.is_time_dependent)
+        """True for an elastic body."""
+        return self.has_adhesion or not self.is_time_dependent
 
     @property
     def is_batchable(self) -> bool:
         """True if the forces of many curves, whose moduli differ, are computed at once."""
-        return self.has_analytic_derivatives and all(
-            parameter.role == "scale" for parameter in self.parameters
-        )
-
-    @staticmethod
-    def _pairs(theta: np.ndarray, x: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-        """Yield parameters (k,) and displacements (n,) of each curve."""
-        return zip(theta, np.broadcast_to(x, (len(theta), x.shape[-1])), strict=True)
+        is_elastic = not (self.has_adhesion or self.is_time_dependent)
+        return is_elastic and all(parameter.role == "scale" for parameter in self.parameters)
 
     def select(self, curves: np.ndarray) -> ForwardModel:
         """Return the forward model of some curves of a batch."""
@@ -338,7 +334,8 @@ class ForwardModel:
         """Return a copy of the model of a self-similar scene for another largest depth."""
         assert isinstance(self.elastic_curves, ElasticLoadCurveGrid)
         model = copy.copy(self)
-        model.__dict__.pop("tabulated_curve", None)
+        for name in ("tabulated_curve", "elastic_run"):
+            model.__dict__.pop(name, None)
         model.max_depth = max_depth
         model.pivot_depth = max_depth
         model.elastic_curves = self.elastic_curves.copy_for_depth(max_depth)
@@ -376,14 +373,8 @@ class ForwardModel:
         if parameter.role == "power":
             return force * np.log(np.maximum(delta / self.pivot_depth, MIN_RELATIVE_DEPTH))
         if parameter.role == "spring":
-            # Theta is the logarithm of the stiffness of a cantilever or the compliance of a frame.
-            value = parameter.value(float(theta[k]))
-            is_stiffness = parameter.key.endswith("stiffness")
-            return force * stiffness * (1.0 / value if is_stiffness else -value)
-        # The step of the difference of polynomials is far above their round-off.
-        step = np.zeros(theta.shape[-1])
-        step[k] = 1e-3 * parameter.grid_step
-        low, high = (np.clip(changed, *self.bounds) for changed in (theta - step, theta + step))
+            return -force * stiffness * _compliance_derivative(parameter, theta[k])
+        low, high = self._neighbours(k, theta)
         curves = [
             self.elastic_curves.load_curve(tuple(changed[self._shape_indices]))
             for changed in (low, high)
@@ -391,6 +382,15 @@ class ForwardModel:
         difference = curves[1].coefficients - curves[0].coefficients
         variation = curves[0].log_variation(delta, difference)
         return force * variation / max(float(high[k] - low[k]), 1e-300)
+
+    def _neighbours(self, k: int, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return theta with a smaller and a larger shape parameter k, for a central difference.
+
+        The step of the difference of polynomials is far above their round-off.
+        """
+        step = np.zeros(theta.shape[-1])
+        step[k] = 1e-3 * self.parameters[k].grid_step
+        return np.clip(theta - step, *self.bounds), np.clip(theta + step, *self.bounds)
 
     def _difference_quotients(
         self,
@@ -411,8 +411,7 @@ class ForwardModel:
         shift_derivative = (self(theta, x - h, t, branch) - self(theta, x + h, t, branch)) / (
             2.0 * h
         )
-        is_beside_snap = self.has_adhesion & (branch is None) & (np.abs(x) <= h)
-        return np.vstack([*columns, np.where(is_beside_snap, 0.0, shift_derivative)])
+        return np.vstack([*columns, shift_derivative])
 
     def _load_curve(self, settings: ExperimentSettings) -> LoadCurve:
         """Return the load curve, as a table if it is the same for all parameters."""
@@ -424,6 +423,11 @@ class ForwardModel:
     def tabulated_curve(self) -> TabulatedLoadCurve:
         """Load curve of the unchanged scene."""
         return TabulatedLoadCurve(self.elastic_curves.scene_curve)
+
+    @cached_property
+    def elastic_run(self) -> PlannedRun:
+        """Planned run of the unchanged scene, elastic, without its experiment."""
+        return plan_elastic_run(self.config, self.max_depth)
 
     def _spring_balance(
         self, load_curve: LoadCurve, settings: ExperimentSettings, x: np.ndarray
@@ -461,7 +465,7 @@ class ForwardModel:
         return self.tabulated_curve.force_and_stiffness(delta, rows)[0]
 
     def force_without_spring(self, theta: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
-        """Return the force over depth without spring and relaxation, for an initial guess.
+        """Return the force over depths (..., n) without spring and relaxation, for a first guess.
 
         An adhesive tip is in contact from first contact until pull-off.
         """
@@ -474,10 +478,9 @@ class ForwardModel:
                 * np.maximum(delta, 0.0) ** path_forces.exponent
             )
         if self.has_adhesion:
-            adhesive_curve = self.elastic_curves.load_curve(settings.shape_coordinates)
-            rigid_settings = replace(settings, compliance=0.0, relaxation=None)
-            jkr_branch = self._jkr_branch(adhesive_curve, rigid_settings, settings.adhesion_work)
-            return lambda delta: _force_in_contact(delta, *jkr_branch)
+            rigid_settings = replace(settings, compliance=0.0)
+            approach = self._jkr_branch(rigid_settings, APPROACH)
+            return lambda delta: np.where(approach.is_in_contact(delta), approach.force(delta), 0.0)
         load_curve = self._load_curve(settings)
         return lambda delta: self._elastic_force(load_curve, settings, delta)
 
@@ -582,7 +585,9 @@ class ForwardModel:
             if parameter.role == "relaxation"
         }
         extra_exponent = values.get(FREE_EXPONENT_KEY, 0.0)
-        relaxation = relaxation_of(self.config, relaxation_values)
+        relaxation = (
+            relaxation_of(self.config, relaxation_values) if self.is_time_dependent else None
+        )
         return ExperimentSettings(
             scale,
             tuple(theta[self._shape_indices]) if self._shape_indices else (),
@@ -616,59 +621,86 @@ class ForwardModel:
         return model
 
     def _adhesive_force(
+        self, settings: ExperimentSettings, x: np.ndarray, branch: np.ndarray | None
+    ) -> np.ndarray:
+        """Return the force of an adhesive tip at displacements (n,)."""
+        force = np.zeros(x.shape)
+        for _, jkr_branch, is_on_branch in self._branches_in_contact(settings, x, branch):
+            force[is_on_branch] = jkr_branch.force(x[is_on_branch])
+        return force
+
+    def _linearize_adhesive_force(
         self,
-        load_curve: ElasticLoadCurve,
+        theta: np.ndarray,
         settings: ExperimentSettings,
         x: np.ndarray,
-        branch: np.ndarray | None = None,
-    ) -> np.ndarray:
-        """Return the force of an adhesive tip at displacements (n,).
+        branch: np.ndarray | None,
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return forces (n,), their derivatives by theta, and -dF/dx (k + 1, n)."""
+        force = np.zeros(x.shape)
+        derivatives = np.zeros((len(theta) + 1, len(x)))
+        for name, jkr_branch, is_on_branch in self._branches_in_contact(settings, x, branch):
+            changes = np.empty((len(theta), *jkr_branch.contacts.shape))
+            for k in range(len(theta)):
+                changes[k] = self._change(k, theta, name, jkr_branch)
+            selected_x = x[is_on_branch]
+            force[is_on_branch] = jkr_branch.force(selected_x)
+            derivatives[:, is_on_branch] = jkr_branch.derivatives(selected_x, changes)
+        return force, derivatives
+
+    def _branches_in_contact(
+        self, settings: ExperimentSettings, x: np.ndarray, branch: np.ndarray | None
+    ) -> Iterator[tuple[int, JkrBranch, np.ndarray]]:
+        """Yield the branches of an adhesive tip that have samples (n,), by name, and their samples.
 
         If the branch of the samples is None, the tip is in contact from first contact (x = 0) until
-        pull-off. A sample that is in contact beyond pull-off has the force at pull-off. Beyond the
-        largest punch the force is continued linearly.
+        pull-off.
         """
-        works = {APPROACH: settings.adhesion_work, RETRACT: settings.retract_work}
         if branch is None:
-            return _force_in_contact(
-                x, *self._jkr_branch(load_curve, settings, settings.adhesion_work)
-            )
-        forces = np.zeros(x.shape)
-        for name, work in works.items():
+            approach = self._jkr_branch(settings, APPROACH)
+            yield APPROACH, approach, approach.is_in_contact(x)
+            return
+        for name in (APPROACH, RETRACT):
             is_on_branch = branch == name
             if is_on_branch.any():
-                jkr_branch = self._jkr_branch(load_curve, settings, work)
-                forces[is_on_branch] = _continued(x[is_on_branch], *jkr_branch)
-        return forces
+                yield name, self._jkr_branch(settings, name), is_on_branch
 
-    def _jkr_branch(
-        self, load_curve: ElasticLoadCurve, settings: ExperimentSettings, work: float
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Return displacement of the base and force along the stable JKR branch, from pull-off on.
-
-        The contact radius a parametrizes the branch: delta = delta_1 - q and F = F_1 - K q with
-        q^2 = 4 pi a w / K', where delta_1 and F_1 hold without adhesion, K(a) is the stiffness of a
-        flat punch, K' its derivative and w the work of adhesion (Johnson 1985, sec. 5.5).
-        """
-        assert load_curve.punch_coefficients is not None
-        log_min_radius = math.log(MIN_RADIUS_FRACTION)
-        # Number of points on the stable branch of an adhesive tip.
-        jkr_branch_samples = 1500
-        ln_a = np.linspace(log_min_radius, 0.0, jkr_branch_samples)
-        work_factor = np.exp(settings.work_exponent * ln_a)
-        delta, force, K, slope = np.exp(
-            chebyshev.chebval(1.0 - 2.0 * ln_a / log_min_radius, load_curve.punch_coefficients.T)
+    def _jkr_branch(self, settings: ExperimentSettings, name: int) -> JkrBranch:
+        """Return the branch of the approach or of the retraction."""
+        return JkrBranch(
+            self.elastic_curves.load_curve(settings.shape_coordinates).punches,
+            float(settings.scale[0]),
+            settings.adhesion_work if name == APPROACH else settings.retract_work,
+            settings.work_exponent,
+            settings.compliance,
         )
-        radius = load_curve.max_radius * np.exp(ln_a)
-        q = np.sqrt(4.0 * np.pi * radius * work * work_factor / (settings.scale * slope))
-        delta = delta - q
-        force = settings.scale * (force - K * q)
-        displacement = delta + settings.compliance * force
-        unstable_points = np.flatnonzero(np.diff(displacement) <= 0)
-        first_stable = int(unstable_points[-1]) + 1 if len(unstable_points) else 0
-        # If the adhesion is too strong for the solved contacts, the branch has only their last two.
-        first_stable = min(first_stable, jkr_branch_samples - 2)
-        return displacement[first_stable:], force[first_stable:]
+
+    def _change(self, k: int, theta: np.ndarray, name: int, jkr_branch: JkrBranch) -> np.ndarray:
+        """Return the change (2, m) of displacement and force of all contacts by theta_k."""
+        parameter = self.parameters[k]
+        if parameter.role == "scale":
+            return jkr_branch.change_by_modulus()
+        if parameter.role == "spring":
+            derivative = _compliance_derivative(parameter, theta[k])
+            return derivative * jkr_branch.change_by_compliance()
+        if parameter.key == WORK_EXPONENT_KEY:
+            return jkr_branch.change_by_work_exponent()
+        if parameter.key == self._work_key(name):
+            return jkr_branch.change_by_work()
+        if parameter.role != "shape":
+            return np.zeros_like(jkr_branch.contacts)
+        low, high = self._neighbours(k, theta)
+        contacts = [
+            self._jkr_branch(self._experiment_settings(changed), name).contacts
+            for changed in (low, high)
+        ]
+        difference: np.ndarray = contacts[1] - contacts[0]
+        return difference / max(float(high[k] - low[k]), 1e-300)
+
+    def _work_key(self, name: int) -> str:
+        """Return the key of the work of adhesion of the approach or of the retraction."""
+        has_retract_work = RETRACT_WORK_KEY in self.varied_keys
+        return RETRACT_WORK_KEY if name == RETRACT and has_retract_work else ADHESION_WORK_KEY
 
     def work_of_shift(self, theta: np.ndarray, shift: float) -> float:
         """Return the work of adhesion [force/length] that shifts the largest contact by q [length].
@@ -677,10 +709,8 @@ class ForwardModel:
         """
         settings = self._experiment_settings(theta)
         load_curve = self.elastic_curves.load_curve(settings.shape_coordinates)
-        assert load_curve.punch_coefficients is not None
-        # The polynomials end at 1 with the largest punch.
-        slope = math.exp(float(chebyshev.chebval(1.0, load_curve.punch_coefficients[3])))
         scale = float(settings.scale[..., 0])
+        slope = float(load_curve.punches.slope[-1])
         return shift**2 * scale * slope / (4.0 * math.pi * load_curve.max_radius)
 
     def bound_work(self, lowest: float) -> ForwardModel:
@@ -696,9 +726,8 @@ class ForwardModel:
     def largest_displacement(self, theta: np.ndarray) -> float:
         """Return the displacement of the base [length] up to which contacts were solved."""
         settings = self._experiment_settings(theta)
-        load_curve = self.elastic_curves.load_curve(settings.shape_coordinates)
-        works = (settings.adhesion_work, settings.retract_work)
-        return min(float(self._jkr_branch(load_curve, settings, work)[0][-1]) for work in works)
+        branches = (self._jkr_branch(settings, name) for name in (APPROACH, RETRACT))
+        return min(jkr_branch.largest_displacement for jkr_branch in branches)
 
     def add_work_exponent(self) -> ForwardModel:
         """Return the model with the work of adhesion multiplied by a free power of the radius."""
@@ -749,20 +778,22 @@ class ForwardModel:
         return force
 
 
-def _force_in_contact(x: np.ndarray, displacement: np.ndarray, force: np.ndarray) -> np.ndarray:
-    """Return forces (n,) along a stable branch from x = 0 until pull-off, 0 elsewhere."""
-    has_touched = np.logical_or.accumulate(x >= 0.0)
-    is_in_contact = has_touched & (x >= displacement[0])
-    return np.where(is_in_contact, _continued(x, displacement, force), 0.0)
+def curves_of_batch(
+    theta: np.ndarray, x: np.ndarray, branch: np.ndarray | None
+) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray | None]]:
+    """Yield parameters (k,), displacements (n,) and branches (n,) of each curve of a batch."""
+    shape = (len(theta), x.shape[-1])
+    branches = [None] * len(theta) if branch is None else np.broadcast_to(branch, shape)
+    return zip(theta, np.broadcast_to(x, shape), branches, strict=True)
 
 
-def _continued(x: np.ndarray, displacement: np.ndarray, force: np.ndarray) -> np.ndarray:
-    """Return forces by interpolation, constant below the table and linear above it."""
-    rise = max(displacement[-1] - displacement[-2], 1e-300)
-    stiffness = (force[-1] - force[-2]) / rise
-    beyond = np.maximum(x - displacement[-1], 0.0)
-    forces: np.ndarray = np.interp(x, displacement, force) + stiffness * beyond
-    return forces
+def _compliance_derivative(parameter: Parameter, theta: float) -> float:
+    """Return the derivative of the compliance by theta of a spring [length/force].
+
+    Theta is the logarithm of the stiffness of a cantilever or of the compliance of a frame.
+    """
+    value = parameter.value(float(theta))
+    return -1.0 / value if parameter.key.endswith("stiffness") else value
 
 
 def _build_path_forces(

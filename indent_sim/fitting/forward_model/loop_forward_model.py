@@ -20,7 +20,7 @@ from indent_sim.fitting.forward_model.cone_loop import (
     Metal,
     refuse_other_scenes,
 )
-from indent_sim.fitting.forward_model.forward_model import RETRACT, ForwardModel
+from indent_sim.fitting.forward_model.forward_model import RETRACT, ForwardModel, curves_of_batch
 from indent_sim.fitting.forward_model.measured_path_forces import MeasuredPath
 from indent_sim.fitting.measured_constants import LOOP_RECOVERY_ERROR
 
@@ -114,8 +114,10 @@ class LoopForwardModel(ForwardModel):
             turns = np.broadcast_to(self._turn, len(theta))
             return np.stack(
                 [
-                    self.turned_at(turn)(row, depths, t, branch)
-                    for (row, depths), turn in zip(self._pairs(theta, x), turns, strict=True)
+                    self.turned_at(turn)(one, row, t, branches)
+                    for (one, row, branches), turn in zip(
+                        curves_of_batch(theta, x, branch), turns, strict=True
+                    )
                 ]
             )
         E, loop = self.loop(theta)
@@ -157,8 +159,10 @@ class LoopForwardModel(ForwardModel):
         if theta.ndim > 1:
             turns = np.broadcast_to(self._turn, len(theta))
             parts = [
-                self.turned_at(turn).linearize(row, depths, t, branch)
-                for (row, depths), turn in zip(self._pairs(theta, x), turns, strict=True)
+                self.turned_at(turn).linearize(one, row, t, branches)
+                for (one, row, branches), turn in zip(
+                    curves_of_batch(theta, x, branch), turns, strict=True
+                )
             ]
             forces, derivatives = zip(*parts, strict=True)
             return np.stack(forces), np.stack(derivatives)

@@ -93,7 +93,7 @@ class Samples:
         Force [force].
     t : ndarray, shape (n,), optional
         Time [s].
-    branch : ndarray of int, shape (n,), optional
+    branch : ndarray of int, shape (..., n), optional
         Branches of the samples of an adhesive tip, see `jumps`, or of a body that yields; None if
         the model decides which samples are in contact.
     turn : float, optional
@@ -120,8 +120,16 @@ class Samples:
         )
 
     def select_curves(self, selected: np.ndarray) -> Samples:
-        """Return some curves of a batch."""
-        return Samples(self.x[selected], self.force[selected], self.t)
+        """Return some curves of a batch; samples of one curve are not changed.
+
+        A curve may also be repeated with different branches.
+        """
+        batched = {
+            name: values[selected]
+            for name, values in (("x", self.x), ("force", self.force), ("branch", self.branch))
+            if values is not None and values.ndim > 1
+        }
+        return replace(self, **batched) if batched else self
 
     def block_means(self, max_count: int) -> Samples:
         """Return the means of blocks of neighbouring samples, at most `max_count` means."""
@@ -247,14 +255,23 @@ class CurveModel:
         """True if the forward model needs no difference quotients."""
         return self.forward_model.has_analytic_derivatives
 
+    @property
+    def shortens_steps(self) -> bool:
+        """True for elastic bodies without adhesion.
+
+        In the curved valleys of modulus and work of adhesion shortened steps do not arrive.
+        """
+        return self.has_analytic_derivatives and not self.forward_model.has_adhesion
+
     def select(self, curves: np.ndarray) -> CurveModel:
         """Return the model of some curves of a batch; a model of one curve is not changed."""
-        if self.samples.x.ndim == 1:
+        samples = self.samples.select_curves(curves)
+        if samples is self.samples:
             return self
         return replace(
             self,
             forward_model=self.forward_model.select(curves),
-            samples=Samples(self.samples.x[curves], self.samples.force[curves]),
+            samples=samples,
             weights=None if self.weights is None else self.weights[curves],
         )
 
@@ -639,19 +656,27 @@ def initial_guesses(
         begin = float(pilot.x.min())
         before = begin - np.ptp(pilot.x) * np.linspace(1.0, 0.02, 40)
         percentiles = np.concatenate([before, percentiles])
-    contact_points = (
-        [origin.contact_point] if origin.contact_point is not None else list(percentiles)
+    contact_points = np.array(
+        percentiles if origin.contact_point is None else [origin.contact_point]
     )
     compliance = forward_model.experiment.compliance
     depth = pilot.x - compliance * (pilot.force - baseline_level(pilot))
+    has_scale = forward_model.scale_index is not None
     guesses = [
-        _best_contact_point(forward_model, theta, pilot, depth, contact_points, origin)
+        _best_contact_point(
+            forward_model, theta, pilot, depth, contact_points, origin.has_slope, has_scale
+        )
         for theta in _trial_coordinates(forward_model)
     ]
-    ordered = sorted((guess for guess in guesses if guess), key=lambda guess: guess[0])
+    return [_replace_known_baseline(p, pilot, origin) for p in _best_guesses(guesses)]
+
+
+def _best_guesses(guesses: Sequence[tuple[float, np.ndarray]]) -> list[np.ndarray]:
+    """Return the parameters with the smallest finite sums of squares, the best first."""
     # Number of initial guesses from which the fit is iterated to convergence.
     max_guesses = 3
-    return [_replace_known_baseline(p, pilot, origin) for _, p in ordered[:max_guesses]]
+    possible = [guess for guess in guesses if math.isfinite(guess[0])]
+    return [p for _, p in sorted(possible, key=lambda guess: guess[0])[:max_guesses]]
 
 
 def _loop_guesses(
@@ -718,25 +743,32 @@ def _trial_coordinates(
 def _best_contact_point(
     forward_model: ForwardModel,
     theta: np.ndarray,
-    pilot: Samples,
+    samples: Samples,
     depth: np.ndarray,
-    contact_points: Sequence[float],
-    origin: OriginOptions,
-) -> tuple[float, np.ndarray] | None:
-    """Return sum of squares and parameters of the best trial contact point; None without one."""
-    scale_index = forward_model.scale_index
+    contact_points: np.ndarray,
+    has_slope: bool,
+    has_scale: bool,
+) -> tuple[float, np.ndarray]:
+    """Return sum of squares and parameters of the best trial contact point.
+
+    The sum of squares is infinite if no contact point is possible.
+    """
     try:
         force_at_depth = forward_model.force_without_spring(theta)
     except ForwardModelUnavailable:
-        return None
-    f = np.stack([force_at_depth(depth - c) for c in contact_points])
-    fits = fit_trials(pilot.x, pilot.force, f, origin.has_slope, scale_index is not None)
+        return math.inf, theta
+    f = force_at_depth(depth - contact_points[:, None])
+    if samples.branch is not None:
+        f[:, samples.branch < LEFT_OUT] = 0.0
+    fits = fit_trials(samples.x, samples.force, f, has_slope, has_scale)
     best = int(np.argmin(fits.squares))
     if not math.isfinite(fits.squares[best]):
-        return None
+        return math.inf, theta
     coordinates = theta.copy()
-    if scale_index is not None:
-        coordinates[scale_index] += math.log(fits.amplitude[best])
+    if has_scale:
+        # Force and adhesion of a body are proportional to its modulus.
+        is_scaled = [one.role in ("scale", "work") for one in forward_model.parameters]
+        coordinates[is_scaled] += math.log(fits.amplitude[best])
     baseline = (fits.level[best], fits.slope[best])
     return float(fits.squares[best]), np.array([*coordinates, contact_points[best], *baseline])
 
@@ -869,7 +901,8 @@ def fit_adhesive_pilot(
     p : ndarray, shape (p,)
         The parameters.
     weak_sides : tuple of int
-        Sides of the curve without a clear jump.
+        Sides of the curve whose jump is neither clear nor placed yet; jumps are placed in the
+        samples themselves, if these are few enough for the pilot fit.
     """
     jumps = find_jumps(samples.x, samples.force, _sides(samples))
     touch = jumps.touch if origin.contact_point is None else None
@@ -892,7 +925,9 @@ def fit_adhesive_pilot(
             continue
     if not trials:
         raise FitRejected("no contact: no fit was found")
-    _, p, _ = min(trials, key=lambda trial: trial[2])
+    placed_model, p, _ = min(trials, key=lambda trial: trial[2])
+    if pilot_model.samples is model.samples:
+        return placed_model, p, ()
     return model, convert_baseline(pilot_model, model, p), jumps.weak_sides
 
 
@@ -994,31 +1029,64 @@ def _search_touch(model: CurveModel, p: np.ndarray) -> tuple[np.ndarray, np.ndar
     first_samples = approach[1:][farthest[1:] > farthest[:-1]]
     contact_point = float(p[model.coordinate_count])
     center = int(np.searchsorted(samples.x[first_samples], contact_point))
-    # Number of samples tried on each side of the center, iterations of each trial, and moves of the
-    # center to the best trial.
+    # Number of samples tried on each side of the center, and moves of the center to the best trial.
     reach = 6
-    iterations = 4
     max_moves = 6
-    best: tuple[float, int, np.ndarray, np.ndarray] | None = None
-    tried: set[int] = set()
+    best: tuple[float, int, np.ndarray, np.ndarray] = (math.inf, -1, samples.branch, p)
     for _ in range(max_moves):
-        for index in range(max(center - reach, 0), min(center + reach + 1, len(first_samples))):
-            if index in tried:
-                continue
-            tried.add(index)
-            first = int(first_samples[index])
-            branch = samples.branch.copy()
-            branch[approach] = np.where(approach < first, -APPROACH, APPROACH)
-            touch = (float(samples.x[first - 1]), float(samples.x[first]))
-            trial = replace(model, samples=replace(samples, branch=branch), touch=touch)
-            start = p if best is None else best[2]
-            trial_p, squares = trial.least_squares(_move_to_touch(trial, start), rounds=iterations)
-            if best is None or squares < best[0]:
-                best = squares, index, trial_p, branch
-        if best is None or best[1] == center:
+        indices = range(max(center - reach, 0), min(center + reach + 1, len(first_samples)))
+        squares, branches, solutions = _try_touches(model, best[3], first_samples[indices])
+        k = int(np.argmin(squares))
+        if not squares[k] < best[0]:
+            break
+        is_same = indices[k] == best[1]
+        best = float(squares[k]), indices[k], branches[k], solutions[k]
+        if is_same:
             break
         center = best[1]
-    return (samples.branch, p) if best is None else (best[3], best[2])
+    return best[2], best[3]
+
+
+def _try_touches(
+    model: CurveModel, p: np.ndarray, first_samples: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Fit a curve with its snap-in just before one of several samples.
+
+    Parameters
+    ----------
+    model : CurveModel
+        The model.
+    p : ndarray, shape (p,)
+        Parameters with which the iterations begin.
+    first_samples : ndarray of int, shape (B,)
+        Indices of the samples just after the snap-in.
+
+    Returns
+    -------
+    squares : ndarray, shape (B,)
+        The sums of squares after some iterations.
+    branches : ndarray of int, shape (B, n)
+        The branches of the samples.
+    p : ndarray, shape (B, p)
+        The parameters.
+    """
+    samples = model.samples
+    assert samples.branch is not None
+    is_before = np.arange(len(samples)) < first_samples[:, None]
+    is_approach = np.abs(samples.branch) == APPROACH
+    branches = np.where(is_approach, np.where(is_before, -APPROACH, APPROACH), samples.branch)
+    starts = np.tile(p, (len(first_samples), 1))
+    starts[:, model.coordinate_count] = 0.5 * (
+        samples.x[first_samples - 1] + samples.x[first_samples]
+    )
+    trials = replace(
+        model,
+        samples=replace(samples, branch=branches),
+        fixed=model.fixed | {model.coordinate_count},
+    )
+    iterations = 4
+    solutions, squares = minimize_squares(trials, starts, WHITE, iterations)
+    return squares, branches, solutions
 
 
 def _move_to_touch(model: CurveModel, p: np.ndarray) -> np.ndarray:
@@ -1067,10 +1135,15 @@ def _branch_of_least_squares(
 
 
 def _adhesive_guesses(model: CurveModel) -> list[np.ndarray]:
-    """Return initial guesses of the parameters of an adhesive tip, the best first."""
+    """Return initial guesses of the parameters of an adhesive tip, the best first.
+
+    Without a clear snap-in they are the minima of the sum of squares over the ratio of adhesion and
+    modulus.
+    """
     samples = model.samples
     origin = model.origin
     forward_model = model.forward_model
+    is_weak = origin.contact_point is None and model.touch is None
     if origin.contact_point is not None:
         contact_points = np.array([origin.contact_point])
     elif model.touch is not None:
@@ -1081,43 +1154,38 @@ def _adhesive_guesses(model: CurveModel) -> list[np.ndarray]:
     depth = samples.x - compliance * (samples.force - baseline_level(samples))
     assert samples.branch is not None
     is_used = samples.branch != LEFT_OUT
-    is_out = samples.branch[is_used] < 0
-    guesses = []
-    for theta, has_scale in _adhesive_trials(forward_model, depth.max() - contact_points.min()):
-        try:
-            force_at_depth = forward_model.force_without_spring(theta)
-        except ForwardModelUnavailable:
-            continue
-        f = np.stack([force_at_depth(depth[is_used] - c) for c in contact_points])
-        f[:, is_out] = 0.0
-        fits = fit_trials(
-            samples.x[is_used], samples.force[is_used], f, origin.has_slope, has_scale
-        )
-        best = int(np.argmin(fits.squares))
-        if not math.isfinite(fits.squares[best]):
-            continue
-        coordinates = theta.copy()
-        if has_scale:
-            # Force and adhesion of a body are proportional to its modulus.
-            is_scaled = [
-                parameter.role in ("scale", "work") for parameter in forward_model.parameters
-            ]
-            coordinates[is_scaled] += math.log(fits.amplitude[best])
-        p = np.array([*coordinates, contact_points[best], fits.level[best], fits.slope[best]])
-        guesses.append((float(fits.squares[best]), p))
-    # Number of initial guesses from which the fit is iterated to convergence.
-    max_guesses = 3
-    return [p for _, p in sorted(guesses, key=lambda guess: guess[0])[:max_guesses]]
+    used = samples.select(is_used)
+    guesses: list[tuple[float, np.ndarray]] = []
+    for trials, has_scale in _adhesive_trials(forward_model, depth.max() - contact_points.min()):
+        row = [
+            _best_contact_point(
+                forward_model,
+                theta,
+                used,
+                depth[is_used],
+                contact_points,
+                origin.has_slope,
+                has_scale,
+            )
+            for theta in trials
+        ]
+        if is_weak:
+            # Neighbours of a minimum lead to the same fit.
+            squares = np.array([math.inf, *(guess[0] for guess in row), math.inf])
+            minima = np.flatnonzero((squares[1:-1] <= squares[:-2]) & (squares[1:-1] < squares[2:]))
+            row = [row[k] for k in minima]
+        guesses += row
+    return _best_guesses(guesses)
 
 
 def _adhesive_trials(
     forward_model: ForwardModel, depth: float
-) -> Iterator[tuple[np.ndarray, bool]]:
-    """Yield trial values of theta, and whether their force and adhesion are scaled together.
+) -> Iterator[tuple[list[np.ndarray], bool]]:
+    """Yield rows of trial values of theta, and whether force and adhesion are scaled together.
 
-    The ratio of work of adhesion and modulus is unknown in advance. Trial ratios range from one
-    that hardly shifts the largest contact to one that shifts it by twice the depth. A ratio is set
-    by the work if the work is varied, otherwise by the modulus.
+    The ratio of work of adhesion and modulus is unknown in advance. The ratios of a row range from
+    one that hardly shifts the largest contact to one that shifts it by twice the depth. A ratio is
+    set by the work if the work is varied, otherwise by the modulus.
     """
     shifts = depth * np.geomspace(0.01, 2.0, 24)
     works = [k for k, one in enumerate(forward_model.parameters) if one.role == "work"]
@@ -1126,15 +1194,17 @@ def _adhesive_trials(
     assert adhesion is not None
     for initial in _trial_coordinates(forward_model, ("shape", "spring")):
         if not works and scale_index is None:
-            yield initial, False
+            yield [initial], False
             continue
+        row = []
         for shift in shifts:
             theta = initial.copy()
             log_work = math.log(forward_model.work_of_shift(theta, shift))
             theta[works] = log_work
             if not works:
                 theta[scale_index] += math.log(adhesion.work) - log_work
-            yield theta, bool(works) and scale_index is not None
+            row.append(theta)
+        yield row, bool(works) and scale_index is not None
 
 
 def _try_least_squares(model: CurveModel, initial_p: np.ndarray) -> tuple[np.ndarray, float] | None:

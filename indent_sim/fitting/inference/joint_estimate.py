@@ -92,6 +92,11 @@ class JointModel:
         return False
 
     @property
+    def shortens_steps(self) -> bool:
+        """False, since the additional evaluation is expensive."""
+        return False
+
+    @property
     def coordinate_count(self) -> int:
         """Number of transformed parameters theta."""
         return self.models[0].coordinate_count

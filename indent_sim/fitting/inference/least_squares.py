@@ -32,6 +32,10 @@ class Regression(Protocol):
     def has_analytic_derivatives(self) -> bool:
         """True if derivatives take hardly longer than residuals."""
 
+    @property
+    def shortens_steps(self) -> bool:
+        """True if steps beyond the minimum along them are shortened."""
+
     def select(self, curves: np.ndarray) -> Regression:
         """Return the model of some curves of a batch."""
 
@@ -106,7 +110,7 @@ def minimize_squares(
         trial = part.clip_to_bounds(p[active] + part.limit_step(step))
         squares = gram[active, -1, -1]
         trial_gram = _trial_gram(part, trial, metric, squares)
-        if model.has_analytic_derivatives:
+        if model.shortens_steps:
             _shorten_steps(part, p[active], gram[active], trial, trial_gram, metric)
         drop = squares - trial_gram[:, -1, -1]
         is_better = drop > 0.0

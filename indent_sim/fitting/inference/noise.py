@@ -30,7 +30,7 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 from scipy.fft import dct
-from scipy.signal import lfilter
+from scipy.linalg import solveh_banded
 
 NORMAL_95 = 1.96
 
@@ -70,9 +70,12 @@ class Noise:
         if not self.tau:
             return X
         rho = self.rho
-        forward = lfilter([1.0], [1.0, -rho], X, axis=0)
-        backward = lfilter([1.0], [1.0, -rho], X[::-1], axis=0)[::-1]
-        return self.w * X + (1.0 - self.w) * (forward + backward - X)
+        inverse = np.empty((2, len(X)))
+        inverse[0] = -rho
+        inverse[1] = 1.0 + rho**2
+        inverse[1, [0, -1]] = 1.0
+        correlated = solveh_banded(inverse / (1.0 - rho**2), X)
+        return self.w * X + (1.0 - self.w) * correlated
 
     @property
     def integrated_correlation_time(self) -> float:

@@ -14,7 +14,7 @@ class Valley:
     derivatives: its step ends at -p, where the squares are the same.
     """
 
-    has_analytic_derivatives = True
+    has_analytic_derivatives = shortens_steps = True
 
     def __init__(self) -> None:
         self.evaluations = 0

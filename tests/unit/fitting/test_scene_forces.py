@@ -10,10 +10,15 @@ from measurements import HALF_SPACE, LAYER, relaxing, scene
 
 from indent_sim.config.quantities import pressure_keys
 from indent_sim.fitting.forward_model.elastic_load_curve import plan_elastic_run
-from indent_sim.fitting.forward_model.forward_model import ForwardModel
+from indent_sim.fitting.forward_model.forward_model import APPROACH, RETRACT, ForwardModel
 from indent_sim.fitting.forward_model.forward_model_cache import ForwardModelCache
 from indent_sim.fitting.forward_model.parameter_grid import ForwardModelUnavailable
-from indent_sim.fitting.forward_model.parameters import ADHESION_WORK_KEY, number_at, parameters_of
+from indent_sim.fitting.forward_model.parameters import (
+    ADHESION_WORK_KEY,
+    RETRACT_WORK_KEY,
+    number_at,
+    parameters_of,
+)
 from indent_sim.process.errors import ConfigError
 from indent_sim.run.solvers.elastic_curve import is_self_similar
 from indent_sim.theory.adhesion import Jkr
@@ -179,6 +184,42 @@ def test_adhesion_is_that_of_theory(compliance):
     assert not forces(np.log([E, work]), np.array([-0.01, -0.001])).any()  # not yet touched
     back = forces(np.log([E, work]), np.array([0.05, -1e-4, -0.5]))
     assert back[1] < 0 and back[2] == 0  # it holds on, until it comes off
+
+
+@pytest.mark.parametrize("body", [LAYER, HALF_SPACE])
+def test_derivatives_of_adhesive_forces_are_those_of_differences(body):
+    """All parameters that a fit of an adhesive tip may vary, on both branches.
+
+    The force consists of lines between contacts, whose slopes differ by up to 0.5 % of the largest
+    derivative; a central difference is the mean of those that it crosses.
+    """
+    held = {"cantilever": {"stiffness": 0.5}, "frame": {"compliance": 0.3}}
+    config = scene(body, experiment={"adhesion": {"work": 0.004}, **held})
+    keys = [
+        "material.E",
+        ADHESION_WORK_KEY,
+        RETRACT_WORK_KEY,
+        "experiment.cantilever.stiffness",
+        "experiment.frame.compliance",
+        *(["body.height"] if body is LAYER else []),
+    ]
+    forces = ForwardModel(config, keys, 0.3).add_work_exponent()
+    way = np.linspace(0.002, 0.12, 40)
+    x, branch = np.concatenate([way, way[::-1]]), np.repeat([APPROACH, RETRACT], 40)
+    theta = forces.initial_coordinates + 0.05
+    got, derivatives = forces.linearize(theta, x, None, branch)
+    np.testing.assert_array_equal(got, forces(theta, x, None, branch))
+    for k, row in enumerate(derivatives):
+        step, shift = np.zeros(len(theta)), 0.0
+        if k < len(theta):
+            step[k] = 1e-3
+        else:
+            shift = 1e-3 * way[-1]
+        low, high = (
+            forces(theta + sign * step, x - sign * shift, None, branch) for sign in (-1, 1)
+        )
+        known = (high - low) / (2.0 * (shift or 1e-3))
+        np.testing.assert_allclose(row, known, atol=1e-2 * abs(known).max())
 
 
 def test_relaxation_while_the_contact_grows_is_lee_and_radok():
