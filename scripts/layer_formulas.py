@@ -1,7 +1,10 @@
 #!/usr/bin/env python3
 """Compares formulas for a sphere on a thin bonded layer with layer theory: a Markdown table.
 
-usage: python scripts/layer_formulas.py
+usage: python scripts/layer_formulas.py [FOLDER]
+
+The last rows are those of the closed formula and of the surrogate of the shipped study of this
+layer, whose results are in FOLDER; without it the study is computed, in a minute of CPU.
 
 Published formulas: Dimitriadis et al. (2002), Biophys. J. 82, 2798; Garcia & Garcia (2018),
 Biophys. J. 114, 2923; Long, Hall, Wu & Hui (2011), Biophys. J. 101, 643. All forces are those of
@@ -11,17 +14,26 @@ E = R = 1, at 20 thicknesses from R/10 to 20 R and 24 depths from R/1000 to R/2.
 from __future__ import annotations
 
 import math
+import sys
+import tempfile
 from collections.abc import Callable
 from functools import partial
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 
+import indent_sim
+from indent_sim import studies
 from indent_sim.theory import profiles
 from indent_sim.theory.films import dimitriadis_force
 from indent_sim.theory.half_space import E_star, paraboloid_force
 from indent_sim.theory.layer import Layer
 from indent_sim.theory.stack import Stack, StackLayer
 
+ROOT = Path(__file__).resolve().parents[1]
+STUDY = ROOT / "configs/studies/surrogate/sphere_on_layer.yaml"
 # Force at a depth, a thickness and Poisson's ratio.
 Formula = Callable[[float, float, float], float]
 # Thicknesses [R] and depths [R] at which the forces are compared.
@@ -61,6 +73,39 @@ def long_force(delta: float, height: float, nu: float) -> float:
     return hertz(delta, nu) * quotient if nu == 0.5 else math.nan
 
 
+def closed_formula(text: str, delta: float, height: float, nu: float) -> float:
+    """Return the force of a closed formula, which are statements of Python."""
+    names: dict[str, Any] = {
+        "material": SimpleNamespace(E=1.0, nu=nu),
+        "indenter": SimpleNamespace(R=1.0),
+        "body": SimpleNamespace(height=height),
+        "loading": SimpleNamespace(delta=delta),
+    }
+    exec(text, names)
+    return float(names["force"])
+
+
+def surrogate_force(surrogate: Any, delta: float, height: float, nu: float) -> float:
+    """Return the force of a surrogate."""
+    return float(surrogate({"material.nu": nu, "body.height": height, "loading.delta": delta}))
+
+
+def formulas_of_study(folder: Path) -> dict[str, Formula]:
+    """Return the closed formula and the surrogate of the shipped study."""
+    path = folder / "surrogate-force.json"
+    if not path.exists():
+        studies.execute_study(STUDY, output=folder)
+        studies.make_surrogate(STUDY, "force", output=folder)
+    surrogate = indent_sim.surrogate(path)
+    entry = surrogate.information["formula"]
+    return {
+        f"closed formula, {entry['coefficients']} coefficients": partial(
+            closed_formula, entry["python"]
+        ),
+        "surrogate": partial(surrogate_force, surrogate),
+    }
+
+
 def is_deep(delta: float, height: float) -> bool:
     """Return whether a point is in the range of deeper contacts."""
     return 0.3 <= 1 / height <= 12.7 and delta / height <= min(0.6, 1 / height)
@@ -86,11 +131,17 @@ def exact_forces(nu: float) -> dict[tuple[float, float], float]:
 
 def main() -> None:
     """Print the table."""
+    with tempfile.TemporaryDirectory() as temporary:
+        print_table(Path(sys.argv[1] if len(sys.argv) > 1 else temporary))
+
+
+def print_table(folder: Path) -> None:
+    """Print the table, with the formula of the study in a folder."""
     formulas: dict[str, Formula] = {
         "Dimitriadis": dimitriadis,
         "Garcia": garcia,
         "Long": long_force,
-    }
+    } | formulas_of_study(folder)
     ranges: dict[str, Range] = {
         f"(R delta)^(1/2)/h <= {largest:g}, delta <= R/10": partial(is_shallow, largest)
         for largest in LARGEST_ARGUMENTS

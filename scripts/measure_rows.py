@@ -357,13 +357,15 @@ def measure_surrogate(folder: Path, count: int) -> None:
     print(f"{surrogate.error_text()}; {file.stat().st_size / 1000:.0f} kB")
     # One point in ten of the ranges does not fulfil `where`.
     sample = {"method": "latin_hypercube", "count": int(1.15 * count), "seed": 7}
+    ranges = study["vary"][-1]
     (folder / "new").mkdir()
-    run(command(write_study(folder / "new", study | {"sample": sample})))
+    run(command(write_study(folder / "new", study | {"sample": sample, "vary": ranges})))
     table = calls.read(folder / "new/out")
-    keys = {key: table[key][:count] for key in study["vary"]}
+    keys = {key: table[key][:count] for key in ranges}
     errors = np.abs(surrogate(keys) / table["force"][:count] - 1)
     quantile, largest = np.quantile(errors, 0.99), errors.max()
     print(f"{len(errors)} new scenes: 99 % within {quantile:.1e}, all within {largest:.1e}")
+    print(surrogate.information["formula"]["words"])
     points = 1_000_000
     many = {key: np.resize(values, points) for key, values in keys.items()}
     start = time.process_time()

@@ -11,6 +11,8 @@ from indent_sim.config.key_dimensions import Dimension
 # Powers of keys by their names.
 Powers = dict[str, Fraction]
 Vector = Sequence[Fraction]
+# Largest denominator of a power, which is the quotient of small whole numbers.
+MAX_DENOMINATOR = 60
 
 
 @dataclass(frozen=True)
@@ -73,10 +75,13 @@ def find_groups(
     )
 
 
-def powers_text(powers: Powers) -> str:
+def powers_text(powers: Mapping[str, Fraction | float]) -> str:
     """Return a product of powers as text, such as "loading.delta / indenter.R"."""
-    above = [_power_text(key, power) for key, power in powers.items() if power > 0]
-    below = [_power_text(key, -power) for key, power in powers.items() if power < 0]
+    fractions = {
+        key: Fraction(power).limit_denominator(MAX_DENOMINATOR) for key, power in powers.items()
+    }
+    above = [_power_text(key, power) for key, power in fractions.items() if power > 0]
+    below = [_power_text(key, -power) for key, power in fractions.items() if power < 0]
     return " / ".join([" ".join(above) or "1", *below])
 
 

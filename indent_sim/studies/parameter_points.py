@@ -74,7 +74,7 @@ def read_block(
         Place of the section in the document, and file and line of each key, for error messages.
     sample
         The sample of the study, to which the ranges of this section are added; None if the study is
-        not sampled.
+        not sampled. A section without ranges is a grid beside the sample.
     """
     ranges = (
         {
@@ -97,14 +97,14 @@ def read_block(
             axes.append(tuple((setting,) for setting in settings))
         elif key == zipped_keys[0]:
             axes.append(tuple(zip(*(values[name] for name in zipped_keys), strict=True)))
-    if sample is None:
+    if sample is None or not ranges:
         return ParameterBlock(tuple(axes))
-    if not 1 <= len(ranges) <= MAX_SAMPLED_KEYS:
+    if len(ranges) > MAX_SAMPLED_KEYS:
         raise _config_error(
             keys,
             source,
-            f"a sample needs 1 to {MAX_SAMPLED_KEYS} ranges here; there are {len(ranges)}",
-            "give ranges {from, to, spacing}, or leave out `sample`",
+            f"a sample has at most {MAX_SAMPLED_KEYS} ranges; there are {len(ranges)}",
+            "give lists of values in place of some of them",
         )
     return ParameterBlock(tuple(axes), replace(sample, ranges=tuple(ranges.values())))
 

@@ -78,6 +78,24 @@ def fit_polynomial(
     return search.fit(search.shorten(search.refine(search.resized(candidates[0], MAX_TERMS))))
 
 
+def with_coefficients(
+    surrogate: Surrogate, values: Mapping[str, np.ndarray], target: np.ndarray
+) -> Surrogate:
+    """Return a surrogate whose polynomial has the coefficients of a fit to runs.
+
+    Parameters
+    ----------
+    surrogate
+        The surrogate; its polynomial has the index tuples.
+    values, target
+        See `fit_polynomial`.
+    """
+    points = surrogate.unit_points(surrogate.points_of(values))
+    indices = surrogate.polynomial.indices
+    coefficients = scipy.linalg.lstsq(design_matrix(points, indices), target)[0]
+    return replace(surrogate, polynomial=ChebyshevSum(indices, coefficients))
+
+
 class _Search:
     """Search for the coordinates and degrees whose polynomial has the smallest error."""
 
@@ -115,10 +133,9 @@ class _Search:
     def fit(self, candidate: _Candidate) -> Surrogate:
         """Return the surrogate with the polynomial of a candidate."""
         surrogate = replace(self._surrogate, coordinates=candidate.coordinates)
-        points = surrogate.unit_points(surrogate.points_of(self._values))
-        indices = candidate.indices
-        coefficients = scipy.linalg.lstsq(design_matrix(points, indices), self._target)[0]
-        return replace(surrogate, polynomial=ChebyshevSum(indices, coefficients))
+        polynomial = ChebyshevSum(candidate.indices, np.zeros(len(candidate.indices)))
+        surrogate = replace(surrogate, polynomial=polynomial)
+        return with_coefficients(surrogate, self._values, self._target)
 
     def error(self, candidate: _Candidate) -> float:
         """Return a quantile of the errors of runs that are left out of the fit one at a time."""

@@ -560,6 +560,12 @@ class _StudyReader:
             blocks.append(read_block(part, keys, self.source, sample))
             if sum(block.size for block in blocks) > MAX_RUNS:
                 raise self.config_error(keys, f"more than {MAX_RUNS} runs")
+        if sample and not any(block.sample for block in blocks):
+            raise self.config_error(
+                ("vary",),
+                "a sample needs at least one range; there is none",
+                "give ranges {from, to, spacing}, or leave out `sample`",
+            )
         return tuple(blocks)
 
     def read_sample(self) -> Sample | None:

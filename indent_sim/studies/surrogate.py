@@ -89,8 +89,8 @@ class Surrogate:
     error
         Error at held-out runs; see docs/study.md.
     information
-        Title, units and number of runs of the study, and the scene of a run with the varied keys in
-        the middle of their ranges.
+        Title, units and number of runs of the study, the scene of a run with the varied keys in the
+        middle of their ranges, and a closed formula.
     """
 
     column: str
@@ -356,7 +356,7 @@ def _surrogate_of(data: Mapping[str, Any]) -> Surrogate:
             raise ValueError(f"its condition {error}") from None
     if not isinstance(data["scene"], dict):
         raise ValueError("its scene is not a mapping")
-    names = ("title", "units", "study", "runs", "scene")
+    names = ("title", "units", "study", "runs", "scene", "formula")
     for name in ("quantile", "error", "largest", "held_out", "variance_share"):
         float(data["error"][name])
     surrogate = Surrogate(

@@ -7,13 +7,11 @@ import csv
 import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from fractions import Fraction
 from itertools import islice
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.special import bdtr
 
 from indent_sim.config.key_dimensions import (
     DIMENSIONLESS,
@@ -28,6 +26,8 @@ from indent_sim.studies import study_folder
 from indent_sim.studies.cases import CaseBuilder
 from indent_sim.studies.chebyshev_sum import ChebyshevSum
 from indent_sim.studies.dimensionless_groups import Powers, find_groups, powers_text
+from indent_sim.studies.edge_points import edge_difference, edge_text
+from indent_sim.studies.held_out_error import held_out_error, held_out_mask, place_text
 from indent_sim.studies.polynomial_fit import fit_polynomial
 from indent_sim.studies.study_file import StudyFile
 from indent_sim.studies.surrogate import Coordinate, Surrogate, middle_values
@@ -42,7 +42,6 @@ CHECKED_RUNS = 5
 # Beginnings of keys that belong to the numerical method and not to the mechanical problem.
 METHOD_SECTIONS = ("mesh", "solver")
 METHOD_KEYS = ("accuracy", "contact.epsilon_n", "contact.gamma", "loading.steps")
-CONFIDENCE = 0.95
 
 
 @dataclass(frozen=True)
@@ -93,16 +92,18 @@ def fit_surrogate(
     """
     if column not in SURROGATE_COLUMNS:
         raise UsageError(f"--surrogate {column}: choose one of {', '.join(SURROGATE_COLUMNS)}")
-    table = _read_table(study, directory, column)
+    table = read_table(study, directory, column)
     _check_runs(study, table.first_runs, directory / study_folder.STUDY_TABLE)
     surrogate = _surrogate_without_polynomial(study, table, column)
-    is_held_out = _held_out(len(table.column))
+    is_held_out = held_out_mask(len(table.column))
     train = np.flatnonzero(~is_held_out)[:MAX_FITTED_ROWS]
-    values = {key: column[train] for key, column in _all_values(surrogate, table.keys).items()}
-    surrogate = fit_polynomial(surrogate, values, _target(surrogate, table)[train])
+    values = {key: column[train] for key, column in all_values(surrogate, table.keys).items()}
+    target = _target(surrogate, table)[train]
+    surrogate = fit_polynomial(surrogate, values, target)
     held_out = {key: values[is_held_out] for key, values in table.keys.items()}
     error = _errors(surrogate, held_out, table.column[is_held_out])
-    surrogate = replace(surrogate, error=error)
+    edges = edge_difference(surrogate, values, target)
+    surrogate = replace(surrogate, error=error | {"edges": edges})
     if within is not None and error["error"] > within:
         raise VerificationError(
             f"the surrogate of {column} is not within {within:g}: {surrogate.error_text()}; "
@@ -113,14 +114,14 @@ def fit_surrogate(
 
 def surrogate_summary(surrogate: Surrogate) -> list[str]:
     """Return lines on the groups, the range and the error of a surrogate."""
-    groups = []
-    for coordinate in surrogate.coordinates:
-        groups.append(powers_text({key: _fraction(p) for key, p in coordinate.powers.items()}))
-    scale = powers_text({key: _fraction(power) for key, power in surrogate.scale.items()})
+    groups = [powers_text(coordinate.powers) for coordinate in surrogate.coordinates]
+    scale = powers_text(surrogate.scale)
     terms = len(surrogate.polynomial.coefficients)
     lines = [
         f"{surrogate.column} / ({scale}) as a function of {'; '.join(groups)}: {terms} terms",
         surrogate.error_text(),
+        f"the largest error is at {place_text(surrogate.error['largest_at'])}",
+        edge_text(surrogate.error["edges"]),
         f"range: {surrogate.range_text()}",
     ]
     runs = surrogate.information["runs"]
@@ -134,12 +135,7 @@ def surrogate_summary(surrogate: Surrogate) -> list[str]:
     return lines
 
 
-def _fraction(power: float) -> Fraction:
-    """Return a power, which is the quotient of small whole numbers, as a fraction."""
-    return Fraction(power).limit_denominator(60)
-
-
-def _read_table(study: StudyFile, directory: Path, column: str) -> RunTable:
+def read_table(study: StudyFile, directory: Path, column: str) -> RunTable:
     """Return the runs of a study from study.csv."""
     path = directory / study_folder.STUDY_TABLE
     try:
@@ -333,7 +329,7 @@ def _logarithmic_keys(study: StudyFile) -> set[str]:
     return {part.key for sample in samples for part in sample.ranges if part.is_logarithmic}
 
 
-def _all_values(surrogate: Surrogate, keys: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+def all_values(surrogate: Surrogate, keys: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     """Return the values of varied and fixed keys."""
     varied = {key: values for key, values in keys.items() if key in surrogate.ranges}
     return surrogate.values_of(varied)[0]
@@ -341,49 +337,20 @@ def _all_values(surrogate: Surrogate, keys: Mapping[str, np.ndarray]) -> dict[st
 
 def _target(surrogate: Surrogate, table: RunTable) -> np.ndarray:
     """Return the values to which the polynomial is fitted."""
-    values = _all_values(surrogate, table.keys)
+    values = all_values(surrogate, table.keys)
     logarithm = sum(power * np.log(values[key]) for key, power in surrogate.scale.items())
     scaled = table.column * np.exp(-np.asarray(logarithm))
     return np.log(scaled) if surrogate.is_logarithmic else scaled
 
 
-def _held_out(count: int) -> np.ndarray:
-    """Return a mask of the runs that are held out of the fit, a random fifth of all runs."""
-    seed = 20261127
-    # Share of the runs that is held out of the fit to measure the error.
-    held_out_share = 0.2
-    return np.random.default_rng(seed).random(count) < held_out_share
-
-
 def _errors(
     surrogate: Surrogate, keys: Mapping[str, np.ndarray], column: np.ndarray
 ) -> dict[str, Any]:
-    """Return the error at held-out runs: quantiles, and a bound of one of the quantiles."""
-    computed = surrogate({key: values for key, values in keys.items() if key in surrogate.ranges})
+    """Return the error at held-out runs."""
+    varied = {key: values for key, values in keys.items() if key in surrogate.ranges}
+    computed = surrogate(varied)
     scale = np.abs(column) if surrogate.is_logarithmic else np.abs(column).max()
-    errors = np.sort(np.abs(computed - column) / scale)
-    quantile, place = _bounded_quantile(len(errors))
-    return {
-        "quantile": quantile,
-        "error": float(errors[place]),
-        "confidence": CONFIDENCE,
-        "held_out": len(errors),
-        "median": float(np.median(errors)),
-        "largest": float(errors[-1]),
+    return held_out_error(varied, np.abs(computed - column) / scale) | {
         "variance_share": float(np.mean((computed - column) ** 2) / np.var(column)),
         "is_relative": surrogate.is_logarithmic,
     }
-
-
-def _bounded_quantile(count: int) -> tuple[float, int]:
-    """Return a quantile, and the index of the sorted error that bounds it with CONFIDENCE.
-
-    The k-th smallest of n errors exceeds the quantile q with the probability that fewer than k of
-    the n errors are below the quantile.
-    """
-    for quantile in (0.99, 0.95, 0.9):
-        places = np.arange(count)
-        bounds = bdtr(places, count, quantile) >= CONFIDENCE
-        if bounds.any():
-            return quantile, int(np.argmax(bounds))
-    return round(float((1 - CONFIDENCE) ** (1 / count)), 3), count - 1

@@ -31,7 +31,7 @@ ROOMS: dict[str, set[str]] = {
     "scene": {"config", "mesh", "model", "theory", "process"},
     "fe": {"scene", "mesh", "model", "process"},
     "run": {"fe", "scene", "config", "results", "theory", "model", "process"},
-    "studies": {"run", "config", "results", "process"},
+    "studies": {"run", "config", "results", "model", "process"},
     "fitting": {"run", "config", "results", "process"},
     "cli": {"studies", "fitting", "run", "config", "results", "process"},
 }
@@ -138,7 +138,8 @@ LIBRARIES: dict[str, tuple[str, ...]] = {
         "results/pictures/curves.py",
         "studies/sample.py",
         "studies/polynomial_fit.py",
-        "studies/surrogate_fit.py",
+        "studies/held_out_error.py",
+        "studies/term_search.py",
     ),
     "yaml": ("config/strict_yaml.py",),
     "pint": ("config/quantities.py",),

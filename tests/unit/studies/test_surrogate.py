@@ -227,6 +227,27 @@ class TestSurrogate:
         with pytest.raises(VerificationError, match="not within 1e-06"):
             fit_surrogate(study, tmp_path, "force", 1e-6)
 
+    def test_the_error_at_the_edges_is_stated(self, tmp_path):
+        """A force that is nearly singular at an edge, nu = 0.5, where the sample has no runs.
+
+        The stated difference is that of fits with fewer runs, which may be much larger than the
+        error: it tells that the force there is unknown. A smooth force is accurate at the edges.
+        """
+
+        def steep(keys):
+            return hertz(keys) / (0.501 - keys["material.nu"]) ** 0.5
+
+        surrogate = fit_surrogate(study_with_table(tmp_path, steep), tmp_path, "force")
+        keys = random_keys(500) | {"material.nu": 0.5}
+        error = np.abs(surrogate(keys) / steep(keys) - 1).max()
+        edges = surrogate.error["edges"]
+        assert error > 3 * surrogate.error["error"]
+        assert edges["difference"] > error / 5
+        assert edges["at"]["material.nu"] == 0.5
+        assert surrogate.error["largest_at"]["material.nu"] > 0.49
+        smooth = fit_surrogate(study_with_table(tmp_path, hertz), tmp_path, "force")
+        assert smooth.error["edges"]["difference"] < 1e-6
+
     def test_conditions_hold_for_its_points(self, tmp_path):
         study = study_with_table(tmp_path, hertz, where="loading.delta < indenter.R / 30")
         surrogate = fit_surrogate(study, tmp_path, "force")
