@@ -214,7 +214,7 @@ def test_no_bar_is_narrower_than_the_distance_from_exact_theory() -> None:
         ]
     )
     wrong = [replace(state, force=1.05 * F) for state, F in zip(states(0.0), exact, strict=True)]
-    inexact = with_theory(base, replace(base.plan.theory, is_exact=False))
+    inexact = with_theory(base, replace(base.plan.theory, differences=("another body",)))
     for judge, low, high in (
         (base, 0.05, 0.05),
         (inexact, 0.0, least),
