@@ -115,7 +115,8 @@ def _set_edge_radius(config: Config, edge_radius: float) -> Config:
 
 def _set_friction(config: Config, friction: float) -> Config:
     """Return the config with another coefficient of friction."""
-    return config.model_copy(update={"contact": replace(config.contact, friction=friction)})
+    law: Any = config.contact
+    return config.model_copy(update={"contact": replace(law, friction=friction)})
 
 
 def _set_element_sizes(config: Config, sizes: dict[str, float]) -> Config:
