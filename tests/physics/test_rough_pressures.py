@@ -66,7 +66,10 @@ def test_rough_pressures_of_plastic_flow_are_warned_of() -> None:
 
 @pytest.mark.verify
 def test_mixed_elements_smooth_plastic_flow() -> None:
-    """With mixed elements it is a fifth to a third of that; less than half is required."""
-    (*_, locked), (*_, smooth) = (metal_rows(name)[1] for name in ("displacement", "mixed"))
-    assert saw_tooth(smooth) < saw_tooth(locked) / 2
-    assert smooth.roughness < locked.roughness / 2
+    """Means of the last four rows: a quarter of the saw-tooth, and 0.37 of the roughness.
+
+    Single rows scatter, with the place of the contact's edge on its element: half is required.
+    """
+    locked, smooth = (metal_rows(name)[1][-4:] for name in ("displacement", "mixed"))
+    assert sum(map(saw_tooth, smooth)) < sum(map(saw_tooth, locked)) / 2
+    assert sum(row.roughness for row in smooth) < sum(row.roughness for row in locked) / 2
