@@ -112,7 +112,7 @@ def _rubber(draw: Random) -> dict[str, Any]:
 
 
 def alternation(scene: Scene, state: State) -> float:
-    """Return the amplitude of the node-to-node oscillation of a section's pressure, over `p_max`.
+    """Return the amplitude of the node-to-node oscillation of a section's pressure, over its peak.
 
     It is 0 where the contact has too few nodes away from its rim and from creases of the tip. Nodes
     at which elements change their size are judged too: a smooth pressure differs from the cubic
@@ -138,7 +138,7 @@ def alternation(scene: Scene, state: State) -> float:
             near = [i - 2, i - 1, i + 1, i + 2]
             expected = float(np.polyval(np.polyfit(x[near] - x[i], p[near], 3), 0.0))
             worst = max(worst, abs(float(p[i]) - expected) / OF_AMPLITUDE)
-    return worst / state.p_max
+    return worst / float(p.max())
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,9 @@ from indent_sim.model.units import Auto, ContactStiffness
 Gap = Literal["auto", "reference", "current"]
 Multiplier = Literal["none", "unknown", "frozen", "stress", "nodal"]
 # Coulomb's coefficient; stick: no slip at all.
-Friction = Annotated[float, Ge(0), Le(5)] | Literal["stick"]
+# Largest coefficient of friction [-] of a scene; with it nearly every point sticks.
+MAX_FRICTION = 5.0
+Friction = Annotated[float, Ge(0), Le(MAX_FRICTION)] | Literal["stick"]
 # Where a point that comes into contact during an increment sticks to the tip: at its position at
 # the beginning of the increment (implicit, too stiff), not before the end (glue, too soft), or on
 # the way (mid), which lies between the other two.
@@ -69,7 +71,7 @@ class _ContactLaw:
         )
         return (
             *(["contact.epsilon_t: auto"] * has_own_stiffness),
-            *(["contact.friction: 5"] * self.is_bonded),
+            *([f"contact.friction: {MAX_FRICTION:g}"] * self.is_bonded),
         )
 
     @property

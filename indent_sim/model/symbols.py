@@ -376,7 +376,7 @@ calibration_error [force]: uncertainty of the force from the calibration of the 
 reaction [force]: z-reaction of all constrained degrees of freedom; equals the force
 reactions [force]: force of each support on the body, by support and axis; of the whole body
 intrusion [length]: penetration of the tip into a surface on which no contact is modelled
-roughness [1]: amplitude of the pressure's oscillation from node to node, divided by p_max
+roughness [1]: amplitude of the pressure's oscillation from node to node, divided by its peak
 clearance [length]: distance of the tip above the surface of a swelling or shrinking gel that it
   does not touch
 overlap [length]: penetration of a whole surface facet into the tip; only with gap: current

@@ -42,8 +42,8 @@ EDGE_ROUNDING = 0.05
 LEAST_ROUNDING = 0.2
 
 # Rows are reported whose contact pressure oscillates from node to node by more than this fraction
-# [-] of p_max. It is 0.002 to 0.02 where the pressure is smooth and 0.09 to 0.5 in a saw-tooth
-# (docs/decisions/0053). Repeated by `python tests/rubber_with_friction.py`.
+# [-] of the peak pressure. It is 0.002 to 0.02 where the pressure is smooth and 0.09 to 0.5 in a
+# saw-tooth (docs/decisions/0053). Repeated by `python tests/rubber_with_friction.py`.
 MAX_ROUGHNESS = 0.03
 # Rows are reported whose stick radius or dissipation may be wrong by more than this fraction [-]
 # because of a long step. Measured with 1, 2, 5, 10 and 40 equal steps under a paraboloid (thick

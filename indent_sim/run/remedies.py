@@ -2,8 +2,11 @@
 
 At finite strain Newton's method may fail near the edge of a tip because too few elements lie around
 the edge, or because these elements are too distorted. A larger edge radius or other element sizes
-may help; which of them helps is not known in advance. All trials together do at most as much work
-as the run itself: Newton iterations times unknowns.
+may help; which of them helps is not known in advance. If the tip slides and no point slips, a point
+that leaves the contact loses a finite shear traction at once. The surface springs back, may touch
+again, and then no set of nodes in contact is an equilibrium; Coulomb friction, whose shear vanishes
+with the pressure, has none of this. All trials together do at most as much work as the run itself:
+Newton iterations times unknowns.
 """
 
 from __future__ import annotations
@@ -14,6 +17,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from indent_sim.config.schema import Config
+from indent_sim.model.contact import MAX_FRICTION
 from indent_sim.model.state import State
 from indent_sim.model.tips import FlatPunch
 from indent_sim.process.errors import IndentSimError
@@ -42,7 +46,7 @@ def has_remedies(scene: Scene) -> bool:
     """True if remedies are tried for a scene.
 
     Remedies exist for two-dimensional meshes at finite strain, and for prescribed depths or for
-    bodies that change in time.
+    bodies that change in time; and for tips that slide and stick at a prescribed depth.
     """
     physics = scene.physics
     is_two_dimensional = (
@@ -51,13 +55,23 @@ def has_remedies(scene: Scene) -> bool:
     is_finite_strain = not physics.small_strain and physics.gap == "current"
     return (
         is_two_dimensional
-        and is_finite_strain
+        and (is_finite_strain or _slides_and_sticks(scene))
         and (physics.path.control == "depth" or physics.is_time_dependent)
     )
 
 
+def _slides_and_sticks(scene: Scene) -> bool:
+    """True if the tip slides sideways and no point in contact may slip."""
+    return scene.physics.slides and scene.physics.contact.is_bonded
+
+
 def remedies(config: Config, scene: Scene) -> list[Remedy]:
-    """Return the remedies in order: larger edge radii, smaller elements, larger elements."""
+    """Return the remedies in order: larger edge radii, smaller elements, larger elements.
+
+    If the tip slides and sticks, the only remedy is the largest friction.
+    """
+    if _slides_and_sticks(scene):
+        return [Remedy({"contact.friction": MAX_FRICTION}, _set_friction(config, MAX_FRICTION))]
     remedies_found = [
         Remedy({"indenter.edge_radius": rho}, _set_edge_radius(config, rho))
         for rho in _edge_radii(config, scene)
@@ -97,6 +111,12 @@ def _set_edge_radius(config: Config, edge_radius: float) -> Config:
     return config.model_copy(
         update={"indenter": replace(tip, edge_radius=edge_radius), "mesh": mesh}
     )
+
+
+def _set_friction(config: Config, friction: float) -> Config:
+    """Return the config with another coefficient of friction."""
+    law: Any = config.contact
+    return config.model_copy(update={"contact": replace(law, friction=friction)})
 
 
 def _set_element_sizes(config: Config, sizes: dict[str, float]) -> Config:

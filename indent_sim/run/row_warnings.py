@@ -148,7 +148,7 @@ def oscillating_pressure_warnings(scene: Scene, states: Sequence[State]) -> list
     if not oscillating:
         return []
     worst = max(oscillating, key=lambda state: state.roughness)
-    size_text = f"{100 * worst.roughness:.2g} % of p_max"
+    size_text = f"{100 * worst.roughness:.2g} % of its peak"
     rows = f"step {worst.step}: the pressure alternates from node to node by {size_text}"
     if len(oscillating) > 1:
         rows = (
@@ -244,10 +244,25 @@ def _radius_of_first_contact(scene: Scene) -> float:
 
 
 def _smoothing_advice(scene: Scene) -> str:
-    """Return advice on the element size that smooths the pressure (docs/decisions/0053)."""
+    """Return advice that smooths the pressure (decisions 53 and 84)."""
+    if scene.physics.yields:
+        return _smoothing_advice_of_yield(scene)
     if scene.sizes.rounded_edge_width:
         return refinement_advice(scene.sizes, "a smaller mesh.h_edge helps")
     return refinement_advice(scene.sizes, "a smaller mesh.h_contact helps")
+
+
+def _smoothing_advice_of_yield(scene: Scene) -> str:
+    """Return advice that smooths the pressure on a body that yields (decision 84)."""
+    elements = refinement_advice(scene.sizes, "a smaller mesh.h_contact helps")
+    locks = any(
+        region.material.plasticity
+        and region.formulation == "displacement"
+        and region.softest_constants.nu > 0
+        for region in scene.physics.domain.regions
+    )
+    formulation = "`formulation: mixed` of the material that yields and " if locks else ""
+    return f"{elements}, as do {formulation}shorter load increments"
 
 
 def _row_force_error(scene: Scene, state: State) -> float:

@@ -61,8 +61,8 @@ def contact_values(body: ObservedBody, force: float) -> dict[str, float]:
         Largest depth of a whole facet inside the tip's shape, which the gap function may not show;
         0 with a reference gap [length].
     roughness : float
-        Amplitude of the pressure's oscillation from node to node, divided by p_max; 0 where it
-        cannot be assessed (`roughness`).
+        Amplitude of the pressure's oscillation from node to node, divided by the peak pressure; 0
+        where it cannot be assessed (`roughness`), and under sharp tips on bodies that do not yield.
     stick_radius : float
         Radius of the sticking part of the contact [length]; only with friction.
     """
@@ -95,10 +95,10 @@ def contact_values(body: ObservedBody, force: float) -> dict[str, float]:
     )
     deepest = (-sample.gap[:, begin:end]).max(initial=0.0)
     overlap = overlap_depth(body, sample.X + sample.u, sample.gap)
+    # In a body that yields the pressure is bounded under sharp tips, too
+    is_assessed = body.scene.has_peak_pressure(a) or body.scene.physics.yields
     roughness_value = (
-        _roughness_amplitude(body, sample, positions, end)
-        if a > 0 and body.scene.has_peak_pressure(a)
-        else 0.0
+        _roughness_amplitude(body, sample, positions, end) if a > 0 and is_assessed else 0.0
     )
     peak_pressure, penetration_depth, overlap, roughness_value = max_over_ranks(
         body, pressure.max(initial=0.0), deepest, overlap, roughness_value

@@ -361,11 +361,12 @@ def test_rough_pressures_are_said_once_with_their_size() -> None:
         base, [replace(row, roughness=r) for row, r in zip(smooth, (0.01, 0.05, 0.12), strict=True)]
     )
     assert (
-        said.startswith("2 rows from step 2 on") and "by 5 to 12 % of p_max, most in step 3" in said
+        said.startswith("2 rows from step 2 on")
+        and "by 5 to 12 % of its peak, most in step 3" in said
     )
     assert "mesh.h_contact" in said
     (said,) = oscillating_pressure_warnings(base, [replace(smooth[0], roughness=0.3)])
-    assert said.startswith("step 1:") and "30 % of p_max" in said
+    assert said.startswith("step 1:") and "30 % of its peak" in said
 
 
 def even_rows(steps: int, stick: float) -> list[State]:

@@ -98,6 +98,27 @@ def test_nothing_is_tried_where_nothing_is_known_to_help(sections: dict[str, Any
     assert has_remedies(configured()[1])
 
 
+STUCK_SLIDE: dict[str, Any] = {
+    "body": {"shape": "strip", "width": 6.0, "height": 1.0, "base": "fixed", "sides": "roller"},
+    "material": {"model": "linear_elastic", "E": 1.0, "nu": 0.2},
+    "indenter": {"shape": "paraboloid", "R": 1.0},
+    "contact": {"friction": "stick"},
+    "loading": {"delta": 0.01, "steps": 2, "slide": {"to": [0.005], "steps": 2}},
+    "mesh": {"h_contact": 0.02},
+}
+
+
+def test_a_slide_that_sticks_is_tried_with_the_largest_friction() -> None:
+    """And with nothing else; a tip that may slip, or that does not slide, has no remedy."""
+    config, scene = configured(**STUCK_SLIDE)
+    assert has_remedies(scene)
+    (found,) = remedies(config, scene)
+    assert found.text == "contact.friction: 5"
+    assert found.config.contact.friction == 5.0
+    assert not has_remedies(configured(**STUCK_SLIDE | {"contact": {"friction": 0.3}})[1])
+    assert not has_remedies(configured(**STUCK_SLIDE | {"loading": {"delta": 0.01}})[1])
+
+
 def test_a_plate_has_no_edge_to_round() -> None:
     config, scene = configured(indenter={"shape": "flat_punch", "radius": 6.0})
     assert [list(remedy.values) for remedy in remedies(config, scene)] == [["mesh.h_contact"]] * 2
