@@ -349,7 +349,7 @@ def measure_surrogate(folder: Path, count: int) -> None:
     study = yaml.safe_load(SURROGATE_STUDY.read_text())
     path = write_study(folder, study)
     _, cpu, _ = run(command(path))
-    print(f"study: {cpu:.1f} s of CPU", flush=True)
+    print(f"study of {len(calls.read(folder / 'out'))} rows: {cpu:.1f} s of CPU", flush=True)
     _, cpu, memory = run(command(path, "--surrogate", "force", "--within", "1e-4"))
     print(f"surrogate: {cpu:.1f} s of CPU, {memory:.0f} MB")
     file = folder / "out/surrogate-force.json"
@@ -370,7 +370,7 @@ def measure_surrogate(folder: Path, count: int) -> None:
     many = {key: np.resize(values, points) for key, values in keys.items()}
     start = time.process_time()
     surrogate(many)
-    print(f"{points} points: {time.process_time() - start:.2f} s of CPU")
+    print(f"{points} points of the surrogate: {time.process_time() - start:.2f} s of CPU")
 
 
 def main() -> None:
