@@ -1,12 +1,14 @@
 #!/usr/bin/env python
 """Measure large studies of rows: CPU, memory, files, kills, gathering, equality with single runs.
 
-python scripts/measure_rows.py rows [COUNT]: four shards, one of them killed ten times [5000]
-python scripts/measure_rows.py elements [COUNT]: the same with axisymmetric finite elements [500]
+python scripts/measure_rows.py rows [COUNT [FOLDER]]: four shards, one killed ten times [5000]
+python scripts/measure_rows.py elements [COUNT [FOLDER]]: the same with finite elements [500]
 python scripts/measure_rows.py kills [COUNT]: kills of a shard at random moments [200]
 python scripts/measure_rows.py writes [COUNT]: kills of a process that only appends rows [200]
 python scripts/measure_rows.py gather [COUNT]: rows that are made, not computed [100000]
 python scripts/measure_rows.py surrogate [COUNT]: the shipped surrogate at new scenes [2000]
+
+With FOLDER the results are kept there, and a measurement that was interrupted continues.
 """
 
 from __future__ import annotations
@@ -380,10 +382,16 @@ def main() -> None:
     kinds["gather"] = (measure_gather, 100_000)
     kinds["writes"] = (measure_writes, 200)
     kinds["surrogate"] = (measure_surrogate, 2000)
-    kind, *counts = sys.argv[1:]
+    kind, *rest = sys.argv[1:]
     measure, count = kinds[kind]
-    with tempfile.TemporaryDirectory() as folder:
-        measure(Path(folder), int(counts[0]) if counts else count)
+    count = int(rest[0]) if rest else count
+    if len(rest) > 1:
+        assert kind in ("rows", "elements"), f"{kind} needs a new folder"
+        folder = Path(rest[1])
+        folder.mkdir(parents=True, exist_ok=True)
+        return measure(folder, count)
+    with tempfile.TemporaryDirectory() as temporary:
+        measure(Path(temporary), count)
 
 
 if __name__ == "__main__":
