@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
     from indent_sim.cli.calls import (
         compare,
+        fit,
         hardness,
         plan,
         plot,
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
         study,
     )
     from indent_sim.config.scene_file import load
-    from indent_sim.fitting.notebook import fit, fit_map
+    from indent_sim.fitting.notebook import fit_map
     from indent_sim.process.version import VERSION as __version__
     from indent_sim.run.pipeline import condense, simulate, states
     from indent_sim.scene.scene import resolve
@@ -69,10 +70,10 @@ def __getattr__(name: str) -> "Any":
         from indent_sim.scene.scene import resolve
 
         return resolve
-    if name in ("fit", "fit_map"):
-        from indent_sim.fitting import notebook
+    if name == "fit_map":
+        from indent_sim.fitting.notebook import fit_map
 
-        return getattr(notebook, name)
+        return fit_map
     if name == "surrogate":
         from indent_sim.studies.surrogate import read_surrogate
 

@@ -1,12 +1,14 @@
 #!/usr/bin/env python
 """Measure large studies of rows: CPU, memory, files, kills, gathering, equality with single runs.
 
-python scripts/measure_rows.py rows [COUNT]: four shards, one of them killed ten times [5000]
-python scripts/measure_rows.py elements [COUNT]: the same with axisymmetric finite elements [500]
+python scripts/measure_rows.py rows [COUNT [FOLDER]]: four shards, one killed ten times [5000]
+python scripts/measure_rows.py elements [COUNT [FOLDER]]: the same with finite elements [500]
 python scripts/measure_rows.py kills [COUNT]: kills of a shard at random moments [200]
 python scripts/measure_rows.py writes [COUNT]: kills of a process that only appends rows [200]
 python scripts/measure_rows.py gather [COUNT]: rows that are made, not computed [100000]
 python scripts/measure_rows.py surrogate [COUNT]: the shipped surrogate at new scenes [2000]
+
+With FOLDER the results are kept there, and a measurement that was interrupted continues.
 """
 
 from __future__ import annotations
@@ -349,7 +351,7 @@ def measure_surrogate(folder: Path, count: int) -> None:
     study = yaml.safe_load(SURROGATE_STUDY.read_text())
     path = write_study(folder, study)
     _, cpu, _ = run(command(path))
-    print(f"study: {cpu:.1f} s of CPU", flush=True)
+    print(f"study of {len(calls.read(folder / 'out'))} rows: {cpu:.1f} s of CPU", flush=True)
     _, cpu, memory = run(command(path, "--surrogate", "force", "--within", "1e-4"))
     print(f"surrogate: {cpu:.1f} s of CPU, {memory:.0f} MB")
     file = folder / "out/surrogate-force.json"
@@ -370,7 +372,7 @@ def measure_surrogate(folder: Path, count: int) -> None:
     many = {key: np.resize(values, points) for key, values in keys.items()}
     start = time.process_time()
     surrogate(many)
-    print(f"{points} points: {time.process_time() - start:.2f} s of CPU")
+    print(f"{points} points of the surrogate: {time.process_time() - start:.2f} s of CPU")
 
 
 def main() -> None:
@@ -380,10 +382,16 @@ def main() -> None:
     kinds["gather"] = (measure_gather, 100_000)
     kinds["writes"] = (measure_writes, 200)
     kinds["surrogate"] = (measure_surrogate, 2000)
-    kind, *counts = sys.argv[1:]
+    kind, *rest = sys.argv[1:]
     measure, count = kinds[kind]
-    with tempfile.TemporaryDirectory() as folder:
-        measure(Path(folder), int(counts[0]) if counts else count)
+    count = int(rest[0]) if rest else count
+    if len(rest) > 1:
+        assert kind in ("rows", "elements"), f"{kind} needs a new folder"
+        folder = Path(rest[1])
+        folder.mkdir(parents=True, exist_ok=True)
+        return measure(folder, count)
+    with tempfile.TemporaryDirectory() as temporary:
+        measure(Path(temporary), count)
 
 
 if __name__ == "__main__":

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from indent_sim.config.scene_file import SceneInput, is_study
+from indent_sim.config.scene_file import Overrides, SceneInput, is_study
 from indent_sim.process.errors import UsageError
 from indent_sim.results import compare as comparisons
 from indent_sim.results import reader, result_files
@@ -24,6 +24,9 @@ from indent_sim.studies.finished_study import Study, read_study
 from indent_sim.studies.study_plan import plan_study as plan_study
 
 if TYPE_CHECKING:
+    from indent_sim.fitting.curve_fit import ModelChoice
+    from indent_sim.fitting.notebook import Curve, Fit
+    from indent_sim.results.measured.measurement import CurvePart
     from indent_sim.results.pictures.figures import Axes, Figure
 
 Result = Results | str | Path
@@ -108,6 +111,66 @@ def compare(
     """
     A, B = (result.path if isinstance(result, Results) else result for result in (first, second))
     return json_data(comparisons.compare(A, B, rtol, columns).as_json())
+
+
+def fit(
+    curve: Curve,
+    scene: SceneInput,
+    vary: Sequence[str] = ("material.E",),
+    *,
+    overrides: Overrides = (),
+    segment: CurvePart = "approach",
+    columns: Sequence[str] = (),
+    units: Mapping[str, str] | None = None,
+    sensitivity: str | None = None,
+    contact_point: float | None = None,
+    models: ModelChoice = "needed",
+) -> Fit:
+    """Fit parameters of a scene to one measured curve with unknown contact point and baseline.
+
+    Parameters
+    ----------
+    curve
+        File, whose first curve is used, a `MeasuredCurve`, or arrays (depth, force) in the units of
+        the scene.
+    scene
+        The scene, or its document or file; or the file of a surrogate of the force, which then
+        gives the forces.
+    vary
+        Keys of the parameters.
+    overrides
+        Values of keys of the scene, as in `load`. A key that varied in the study of a surrogate
+        must be here or in `vary`.
+    segment
+        Part of the curve that is fitted.
+    columns, units
+        Columns of the file, such as ("z=1", "force=2"), or the titles or numbers of the columns of
+        depth, force and time; units of a file without units.
+    sensitivity
+        Length per voltage of deflections in volts, such as 50 nm/V.
+    contact_point
+        Displacement at first contact, if it is known.
+    models
+        Fit alternative models only when needed, or all of them.
+
+    Raises
+    ------
+    NotConverged
+        If the curve does not determine the parameters.
+    ConfigError
+        If a key or the scene is invalid, or the surrogate is not that of such a scene.
+    """
+    from indent_sim.cli.fit_scene import scene_or_surrogate
+    from indent_sim.fitting import notebook
+    from indent_sim.fitting.curve_fit import FitRequest, keys_of_part
+    from indent_sim.fitting.fit_folder import ReadOptions
+    from indent_sim.fitting.inference.estimate import OriginOptions
+
+    config, surrogate = scene_or_surrogate(scene, overrides, vary)
+    origin = OriginOptions(contact_point)
+    keys = keys_of_part(vary, segment)
+    request = FitRequest(config, keys, segment, origin, models, surrogate=surrogate)
+    return notebook.fit(curve, request, ReadOptions(tuple(columns), units, sensitivity))
 
 
 def hardness(curve: str | Path, scene: SceneInput | None = None, **options: Any) -> Report:

@@ -587,7 +587,9 @@ def fit(
             )
     output = options.pop("output") or Path("results") / f"fit-{curves[0].resolve().stem}"
     with _quiet_libraries(LOG_LEVELS[verbosity]), raise_on_signals():
-        config, surrogate = _scene_or_surrogate(scene, overrides, options)
+        from indent_sim.cli.fit_scene import scene_or_surrogate
+
+        config, surrogate = scene_or_surrogate(scene, overrides, options["keys"])
         print_progress = print_stderr if verbosity == "all" else _discard_line
         map_fit = _fit_map(curves, config, surrogate, output, print_progress, **options)
         if map_fit is not None:
@@ -702,27 +704,6 @@ def _print_map(map_fit: MapFit, output: Path, output_format: OutputFormat) -> No
         print_done({"directory": output} | map_fit.entry)
     else:
         print_stdout(str(output))
-
-
-def _scene_or_surrogate(
-    path: Path, overrides: tuple[str, ...], options: Mapping[str, Any]
-) -> tuple[Config, Surrogate | None]:
-    """Return the scene of a fit, and the surrogate if the file is one.
-
-    Raises ConfigError if the surrogate is not usable in the fit.
-    """
-    from indent_sim.config.scene_file import load
-    from indent_sim.studies import surrogate_scene
-
-    if not surrogate_scene.is_surrogate_file(path):
-        return load(path, overrides), None
-    from indent_sim.fitting.forward_model.surrogate_load_curves import refuse_unusable
-    from indent_sim.studies.surrogate import read_surrogate
-
-    surrogate = read_surrogate(path)
-    config = surrogate_scene.scene_of_surrogate(surrogate, path, overrides, options["keys"])
-    refuse_unusable(surrogate, config, options["keys"])
-    return config, surrogate
 
 
 def _fit_request(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,10 +16,8 @@ from indent_sim.fitting.curve_fit import (
     INTERVAL_KEYS,
     CurveFit,
     FitRequest,
-    ModelChoice,
     cantilever_stiffness_si,
     fit_curve,
-    keys_of_part,
 )
 from indent_sim.fitting.fit_folder import ReadOptions
 from indent_sim.fitting.forward_model.forward_model_cache import ForwardModelCache
@@ -29,7 +27,7 @@ from indent_sim.fitting.map_result import MapFit
 from indent_sim.process.errors import NotConverged, UsageError
 from indent_sim.results.measured.curve_file import read_curves
 from indent_sim.results.measured.measured_map import MeasuredMap
-from indent_sim.results.measured.measurement import CurvePart, MeasuredCurve, curve_parts
+from indent_sim.results.measured.measurement import MeasuredCurve, curve_parts
 
 if TYPE_CHECKING:
     from indent_sim.results.pictures.figures import Figure
@@ -68,18 +66,7 @@ class Fit:
             return figure
 
 
-def fit(
-    curve: Curve,
-    scene: Config | Mapping[str, Any] | str | Path,
-    vary: Sequence[str] = ("material.E",),
-    *,
-    segment: CurvePart = "approach",
-    columns: Sequence[str] = (),
-    units: Mapping[str, str] | None = None,
-    sensitivity: str | None = None,
-    contact_point: float | None = None,
-    models: ModelChoice = "needed",
-) -> Fit:
+def fit(curve: Curve, request: FitRequest, reading: ReadOptions) -> Fit:
     """Fit parameters of a scene to one measured curve with unknown contact point and baseline.
 
     Parameters
@@ -87,34 +74,16 @@ def fit(
     curve
         File, whose first curve is used, a `MeasuredCurve`, or arrays (depth, force) in the units of
         the scene.
-    scene
-        The scene, or its document or file.
-    vary
-        Keys of the parameters.
-    segment
-        Part of the curve that is fitted.
-    columns, units
-        Columns of the file, such as ("z=1", "force=2"), or the titles or numbers of the columns of
-        depth, force and time; units of a file without units.
-    sensitivity
-        Length per voltage of deflections in volts, such as 50 nm/V.
-    contact_point
-        Displacement at first contact, if it is known.
-    models
-        Fit alternative models only when needed, or all of them.
+    request, reading
+        Settings of the fit, and of the reader of the file.
 
     Raises
     ------
     NotConverged
         If the curve does not determine the parameters.
-    ConfigError
-        If a key or the scene is invalid.
     """
-    config = _load_scene(scene)
-    keys = keys_of_part(vary, segment)
-    request = FitRequest(config, keys, segment, OriginOptions(contact_point), models)
-    reading = ReadOptions(tuple(columns), units, sensitivity)
-    curve_fit = fit_curve(_read_curve(curve, reading, config), request, ForwardModelCache())
+    measured_curve = _read_curve(curve, reading, request.config)
+    curve_fit = fit_curve(measured_curve, request, ForwardModelCache(request.surrogate))
     if not curve_fit.is_done:
         raise NotConverged(f"{curve_fit.name}: {curve_fit.entry['reason']}")
     intervals = curve_fit.entry["parameters"]
@@ -125,7 +94,7 @@ def fit(
         curve_fit.entry["words"],
         curve_fit.entry,
         curve_fit,
-        config,
+        request.config,
     )
 
 

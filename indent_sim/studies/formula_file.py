@@ -35,7 +35,8 @@ def formula_entry(column: str, formula: ClosedFormula | None) -> dict[str, Any]:
     """
     if formula is None:
         return {"reason": f"no closed formula: {column} has values that are not positive"}
-    if formula.error["error"] > LARGEST_ERROR:
+    # An error that is no number is not within the limit either.
+    if not formula.error["error"] <= LARGEST_ERROR:
         return {
             "reason": f"no closed formula of at most {MAX_COEFFICIENTS} coefficients is within "
             f"{100 * LARGEST_ERROR:g} %: the best one has {formula.coefficient_count}, "

@@ -8,7 +8,12 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from indent_sim.config.key_dimensions import DEPTH_KEY, DIMENSIONLESS, key_numbers
-from indent_sim.config.scene_file import config_from_mapping, config_with_settings, to_mapping
+from indent_sim.config.scene_file import (
+    Overrides,
+    config_from_mapping,
+    config_with_settings,
+    to_mapping,
+)
 from indent_sim.config.schema import Config
 from indent_sim.process.errors import ConfigError
 from indent_sim.results.atomic_files import read_regular_file
@@ -28,7 +33,7 @@ def is_surrogate_file(path: Path) -> bool:
 
 
 def scene_of_surrogate(
-    surrogate: Surrogate, path: Path, overrides: Sequence[str], varied_keys: Sequence[str]
+    surrogate: Surrogate, path: Path, overrides: Overrides, varied_keys: Sequence[str]
 ) -> Config:
     """Return the scene of a surrogate with the values that a fit gives and begins with.
 
@@ -37,7 +42,7 @@ def scene_of_surrogate(
     surrogate, path
         The surrogate and its file.
     overrides
-        Values of keys, in the form of the option --set.
+        Values of keys, as in `load`.
     varied_keys
         Keys of the fit. Those that are not set begin in the middle of their ranges, scaled with
         fixed keys of the same dimension.
@@ -47,7 +52,7 @@ def scene_of_surrogate(
     ConfigError
         If the scene has errors, or a key of the surrogate has no value.
     """
-    config = config_from_mapping(surrogate.information["scene"], tuple(overrides))
+    config = config_from_mapping(surrogate.information["scene"], overrides)
     for key, (low, high) in surrogate.ranges.items():
         if key not in {DEPTH_KEY, *varied_keys} and not _is_set(key, overrides):
             raise ConfigError(
@@ -63,9 +68,9 @@ def scene_of_surrogate(
     return config_with_settings(to_mapping(config), config.source, settings)
 
 
-def _is_set(key: str, overrides: Sequence[str]) -> bool:
+def _is_set(key: str, overrides: Overrides) -> bool:
     """Return whether a key, or a section that contains it, is among the settings."""
-    names = [text.partition("=")[0].strip() for text in overrides]
+    names = [setting.partition("=")[0].strip() for setting in overrides]
     return any(key == name or key.startswith((f"{name}.", f"{name}[")) for name in names)
 
 

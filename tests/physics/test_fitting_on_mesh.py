@@ -7,10 +7,10 @@ import math
 import numpy as np
 import pytest
 
+from indent_sim.cli.calls import fit
 from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.config.schema import Config
 from indent_sim.fitting.forward_model.forward_model import ForwardModel
-from indent_sim.fitting.notebook import fit
 
 X = np.linspace(-0.1, 0.1, 300)
 THEORY = {"shape": "layer", "height": 1.0}

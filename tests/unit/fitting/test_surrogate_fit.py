@@ -13,6 +13,7 @@ import pytest
 from measurements import N, drawn, measured
 from surrogate_tables import study_with_table
 
+import indent_sim
 from indent_sim.cli.commands import fit
 from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.fitting.forward_model.elastic_load_curve import ElasticLoadCurveGrid
@@ -47,6 +48,9 @@ SETTINGS = (
     "indenter.R=5 um",
     "experiment={cantilever: {stiffness: 0.06 N/m}}",
 )
+
+
+HEIGHT_SET = ("--set", "body.height=8 um")
 
 
 @pytest.fixture(scope="module")
@@ -115,6 +119,25 @@ def test_values_are_those_of_the_scene(surrogate_path, tmp_path, keys):
             assert abs(by_table["parameters"][key][name] - expected[name]) < half_width / 10
     assert by_scene["model_error"] == 0
     assert any("come from a surrogate" in line for line in by_table["warnings"])
+
+
+def test_python_gives_the_result_of_the_command(surrogate_path, tmp_path):
+    """`indent_sim.fit` with the file of a surrogate, and values of keys as `load` accepts them."""
+    curve = write_curve(tmp_path / "curve.csv")
+    by_command = fitted(curve, surrogate_path, tmp_path / "a", "--vary", "material.E", *HEIGHT_SET)
+    texts = (*SETTINGS, "body.height=8 um")
+    values = {"units": UNITS, "indenter.R": 5.0, "experiment": EXPERIMENT, HEIGHT: 8.0}
+    for overrides in (texts, values):
+        found = indent_sim.fit(curve, surrogate_path, overrides=overrides)
+        assert found.entry["model_error"] == by_command["model_error"]
+        expected = by_command["parameters"]["material.E"]
+        interval = found.parameters["material.E"]
+        numbers = [interval.value, interval.low, interval.high]
+        assert numbers == [expected[name] for name in ("value", "low", "high")]
+    with pytest.raises(ConfigError, match=r"body\.height.*has no value"):
+        indent_sim.fit(curve, str(surrogate_path), overrides=SETTINGS)
+    with pytest.raises(ConfigError, match="did not vary"):
+        indent_sim.fit(curve, surrogate_path, ["material.nu"], overrides=texts)
 
 
 def test_relaxation_of_all_moduli_is_that_of_a_fit_with_the_scene(surrogate_path, tmp_path):
