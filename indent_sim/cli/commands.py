@@ -531,7 +531,7 @@ def _print_curve_requirements(
     help="With a map: thickness of each pixel. FILE is a .gsf, .tif or text file. With "
     "height it follows from the height at zero force above a flat base, and MEAN is the "
     "median thickness [body.height]. With base it is the height above a plane that is "
-    "fitted to the pixels of bare base.",
+    "fitted to the pixels on the bare substrate.",
 )
 @click.option(
     "--grid",

@@ -338,7 +338,7 @@ def plan_text(planned_run: PlannedRun, width: int = 120) -> str:
 
 
 def requirements_text(requirements: Requirements, width: int = 120) -> str:
-    """Return the effects of a scene by size, and the recommended scene, as a text.
+    """Return the effects of a scene, largest first, and the recommended scene, as a text.
 
     `width` is the number of columns of the text.
     """

@@ -72,7 +72,7 @@ def ellipsoid_errors(config: SceneSections) -> Iterator[ConfigError]:
 
 
 def resting_body_errors(config: SceneSections) -> Iterator[ConfigError]:
-    """Yield errors of parts of the scene that are not modelled with a body that rests on a flat."""
+    """Yield errors of parts of the scene that are not supported if the body rests on a flat."""
     body = config.body
     if not isinstance(body, CurvedBody) or body.base != "unbonded":
         return

@@ -1,4 +1,8 @@
-"""Types of keys: alternatives, fields, tags, remedies, and descriptions of allowed values."""
+"""Type annotations of the keys of a scene, read for checks, messages and pages.
+
+From an annotation follow the members of a union, the fields and tags of dataclasses, the remedy for
+a wrong value, and the description of the allowed values.
+"""
 
 from __future__ import annotations
 

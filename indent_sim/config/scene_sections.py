@@ -92,7 +92,7 @@ class OutputSettings:
 
 @dataclass(frozen=True)
 class MapBase:
-    """Base of the body in a map: a plane through the pixels where it is bare."""
+    """Base of the body in a map: a plane through the pixels on the bare substrate."""
 
     plane: Literal["fitted"] = "fitted"
 

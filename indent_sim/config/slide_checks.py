@@ -22,23 +22,23 @@ def slide_errors(config: SceneSections) -> Iterator[ConfigError]:
     slide = config.loading.slide
     if slide is not None:
         yield from _direction_errors(config, slide)
-        yield from _first_error(KEY, _path_obstacles(config))
+        yield from _first_error(KEY, _path_rejections(config))
     points = config.loading.slide_history
     if points is not None:
         yield from _point_errors(config, points)
-        yield from _first_error(HISTORY_KEY, _history_obstacles(config))
+        yield from _first_error(HISTORY_KEY, _history_rejections(config))
     if config.loading.slides:
         key = HISTORY_KEY if slide is None else KEY
-        yield from _first_error(key, _obstacles(config))
+        yield from _first_error(key, _rejections(config))
 
 
-# Whether an obstacle to a slide applies, with the text of the problem and the remedy.
-Obstacle = tuple[bool, str, str]
+# Whether a slide is rejected, with the text of the problem and the remedy.
+Rejection = tuple[bool, str, str]
 
 
-def _first_error(key: str, obstacles: Iterator[Obstacle]) -> Iterator[ConfigError]:
-    """Yield the error of the first obstacle that applies."""
-    for applies, problem, remedy in obstacles:
+def _first_error(key: str, rejections: Iterator[Rejection]) -> Iterator[ConfigError]:
+    """Yield the error of the first rejection that applies."""
+    for applies, problem, remedy in rejections:
         if applies:
             yield ConfigError(key, problem, remedy)
             return
@@ -59,8 +59,8 @@ def _direction_errors(config: SceneSections, slide: Slide) -> Iterator[ConfigErr
     if any(begin == end for begin, end in pairwise((0.0, *slide.ends))):
         yield ConfigError(
             f"{KEY}.to",
-            "has a stretch without motion: a displacement equals the one before it, or the first "
-            "is 0, where the tip is pressed in",
+            "has a part without motion: a displacement equals the previous one, or the first one "
+            "is 0, where the slide begins",
             "leave this displacement out",
         )
 
@@ -92,8 +92,8 @@ def _point_errors(
         )
 
 
-def _history_obstacles(config: SceneSections) -> Iterator[Obstacle]:
-    """Yield the obstacles that exist only for a slide prescribed in time."""
+def _history_rejections(config: SceneSections) -> Iterator[Rejection]:
+    """Yield the conditions under which only a slide prescribed in time is rejected."""
     loading = config.loading
     yield (loading.slide is not None, "is given beside loading.slide", "give one of them")
     yield (
@@ -124,8 +124,8 @@ def _history_obstacles(config: SceneSections) -> Iterator[Obstacle]:
     )
 
 
-def _path_obstacles(config: SceneSections) -> Iterator[Obstacle]:
-    """Yield the obstacles that exist only for a slide at a held depth or force."""
+def _path_rejections(config: SceneSections) -> Iterator[Rejection]:
+    """Yield the conditions under which only a slide at a held depth or force is rejected."""
     loading = config.loading
     yield (
         loading.prescribed_history is not None,
@@ -141,8 +141,8 @@ def _path_obstacles(config: SceneSections) -> Iterator[Obstacle]:
     )
 
 
-def _obstacles(config: SceneSections) -> Iterator[Obstacle]:
-    """Yield the obstacles that exist for every slide."""
+def _rejections(config: SceneSections) -> Iterator[Rejection]:
+    """Yield the conditions under which any slide is rejected."""
     body = config.body
     yield (
         not isinstance(body, Strip | Box | Cylinder),

@@ -16,7 +16,7 @@ def unload_errors(config: SceneSections) -> Iterator[ConfigError]:
     unload = config.loading.unload
     if unload is None:
         return
-    for applies, problem, remedy in _obstacles(config):
+    for applies, problem, remedy in _rejections(config):
         if applies:
             yield ConfigError(KEY, problem, remedy)
             return
@@ -35,8 +35,8 @@ def _last_value(loading: Loading) -> float | None:
     return values[-1]
 
 
-def _obstacles(config: SceneSections) -> Iterator[tuple[bool, str, str]]:
-    """Yield obstacles: whether each applies, with the text of the problem and the remedy."""
+def _rejections(config: SceneSections) -> Iterator[tuple[bool, str, str]]:
+    """Yield whether unloading is rejected, with the text of the problem and the remedy."""
     loading = config.loading
     yield (
         loading.prescribed_history is not None,

@@ -35,7 +35,7 @@ from indent_sim.fitting.inference.pooled_noise import (
 )
 from indent_sim.fitting.map_blocks import fit_blocks, process_crash
 from indent_sim.fitting.map_fit import (
-    BARE_BASE,
+    BARE_SUBSTRATE,
     FITTED,
     REASONS,
     TOO_DEEP,
@@ -186,7 +186,7 @@ def _set_thickness(
         return None
     if thickness.values is None:
         if thickness.mean is None and REFITTED not in passes.progress.thickness:
-            fitter.reject(_is_bare_base(fitter, scene), BARE_BASE)
+            fitter.reject(_is_bare_substrate(fitter, scene), BARE_SUBSTRATE)
         _use_thickness(passes, scene, thickness, REFITTED)
         passes.run(REFITTED, None)
     return _use_thickness(passes, scene, thickness, FITTED_WITH_NOISE)
@@ -224,35 +224,37 @@ def _thicknesses(
     if thickness.mean is not None:
         values = thickness.mean + height - np.nanmedian(height[is_fitted])
     else:
-        values = heights_above_base(places, height, fitter.fits.reason == BARE_BASE)
+        values = heights_above_base(places, height, fitter.fits.reason == BARE_SUBSTRATE)
     # The thickness of rejected curves is not used. By noise a surface may lie below the base.
     values = np.where(is_fitted & np.isfinite(values), values, np.nanmedian(values[is_fitted]))
     thicknesses: np.ndarray = np.maximum(values, 0.5 * thinnest_body(max_depth))
     return thicknesses
 
 
-def _is_bare_base(fitter: MapFitter, scene: MapScene) -> np.ndarray:
-    """Return for each curve (N,) whether the tip presses on the bare base, without an indentation.
+def _is_bare_substrate(fitter: MapFitter, scene: MapScene) -> np.ndarray:
+    """Return for each curve (N,) whether the tip is on the bare, rigid substrate.
+
+    There the cantilever is deflected, and the indentation is negligible.
 
     Raises
     ------
     ConfigError
-        If the scene has no cantilever, whose deflection shows where the base is bare.
+        If the scene has no cantilever, whose deflection is needed to recognise the substrate.
     """
     if not scene.forward_model.experiment.compliance:
         raise ConfigError(
             "--thickness",
-            "pixels of bare base are recognised by the deflection of a cantilever, but the "
+            "pixels of bare substrate are recognised by the deflection of a cantilever, but the "
             "scene has none",
             "give experiment.cantilever, or another --thickness",
         )
     # Depth of a rigid body, over the displacement of the cantilever's base.
     max_depth_fraction = 0.05
     initial = fitter.initial
-    is_base: np.ndarray = fitter.fits.is_fitted & (
+    is_bare: np.ndarray = fitter.fits.is_fitted & (
         initial.depth < max_depth_fraction * initial.travel
     )
-    return is_base
+    return is_bare
 
 
 def map_fit_of_curves(

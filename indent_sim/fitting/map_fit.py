@@ -86,7 +86,7 @@ REASONS = (
     "no contact: no fit was found",
     "the modulus is known to a factor of more than 4 only",
     "the contact is too deep for the thickness or for the solved scene",
-    "the bare base: the tip does not indent it",
+    "the bare substrate: the tip does not indent it",
 )
 ReadSamples = Callable[[int], Samples]
 FITTED = 0
@@ -101,7 +101,7 @@ FEW_IN_CONTACT = 8
 NO_FIT = 9
 UNCERTAIN = 10
 TOO_DEEP = 11
-BARE_BASE = 12
+BARE_SUBSTRATE = 12
 
 
 @dataclass

@@ -72,7 +72,7 @@ class MapScene:
     block_size: int = 1
 
     def samples(self, index: int) -> Samples:
-        """Return the samples of a curve; an empty list if it is damaged or has no approach."""
+        """Return the samples of a curve; none if it is damaged or has no approach."""
         try:
             curve = convert_to_scene_units(self.curves[index], self.request.config)
             _, samples, _ = prepare_curve(curve.part(self.request.curve_part), self.request)

@@ -29,8 +29,8 @@ class Thickness:
     values
         Thickness of each pixel (rows, columns) [length of the scene], if it is given.
 
-    Without both, the thickness is the height above the plane of the base, which is fitted to the
-    pixels where the base is bare.
+    Without both, the thickness is the height above a plane that is fitted to the pixels on the bare
+    substrate.
     """
 
     mean: float | None = None
@@ -38,7 +38,7 @@ class Thickness:
 
 
 def heights_above_base(places: np.ndarray, heights: np.ndarray, is_base: np.ndarray) -> np.ndarray:
-    """Return heights (N,) above the plane through the pixels of the bare base.
+    """Return heights (N,) above the plane through the pixels on the bare substrate.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ def heights_above_base(places: np.ndarray, heights: np.ndarray, is_base: np.ndar
     heights
         Heights of the surface (N,) [length]; NaN if unknown.
     is_base
-        Whether the base is bare (N,).
+        Whether a pixel is on the bare substrate (N,).
 
     Raises
     ------
@@ -59,8 +59,8 @@ def heights_above_base(places: np.ndarray, heights: np.ndarray, is_base: np.ndar
     plane, _, rank, _ = np.linalg.lstsq(columns[used], heights[used], rcond=None)
     if rank < columns.shape[1]:
         raise UsageError(
-            "the plane of the base cannot be fitted: the number of pixels with bare base is "
-            f"{used.sum()} pixels",
+            "the plane of the substrate cannot be fitted: the number of pixels on the bare "
+            f"substrate is {used.sum()}",
             "give --thickness height:MEAN or a file",
         )
     above: np.ndarray = heights - columns @ plane
@@ -75,8 +75,8 @@ def parse_thickness(text: str, request: FitRequest, shape: tuple[int, int]) -> T
     text
         `height`: body.height is the median thickness, and the thickness follows the surface;
         `height:MEAN` with another median, such as `height:6 um`; `base`: height above the plane of
-        the base, where it is bare; or a .gsf, .tif or text file with a number for each pixel
-        [length of the scene; .gsf: m].
+        the base, fitted to the bare substrate; or a .gsf, .tif or text file with a number for each
+        pixel [length of the scene; .gsf: m].
     request
         The scene.
     shape

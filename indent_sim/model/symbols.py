@@ -466,7 +466,7 @@ wrong: value that deviates by more than its stated error: nobody, published, our
 map.thickness: height: the thickness of a pixel follows the height of the surface at zero force
 map.mean [length]: median thickness of the body; body.height if it is not given
 map.base: plane above which the surface has the thickness, instead of a median thickness
-plane: fitted: through the pixels in which the base is bare
+plane: fitted: through the pixels on the bare substrate
 
 ## Table of a fit, one row a curve
 curve: name of the measured curve: name of the file, with a number if it has several curves

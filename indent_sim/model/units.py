@@ -154,7 +154,7 @@ class Scales:
 
     @property
     def depth(self) -> float:
-        """Scale of the depth delta, the approach of the whole body."""
+        """Scale of the depth delta, which is summed over the equal contacts of the body."""
         return self.contacts_per_body * self.length
 
     @property

@@ -197,9 +197,9 @@ def _factors(path: Path, layout: TextLayout, units: Mapping[str, str]) -> tuple[
         return 1.0, 1.0
     if not (depth_unit and area_unit and units.get("length")):
         raise UsageError(
-            f"{path}: the unit of depth is '{depth_unit}', that of area '{area_unit}', and the "
-            f"length of the curve has '{units.get('length', '')}'; either all three or none of "
-            "them must have a unit",
+            f"{path}: the unit of the contact depth is {depth_unit or 'not given'}, that of the "
+            f"area {area_unit or 'not given'}, and that of lengths in the measured curve "
+            f"{units.get('length') or 'not given'}; give all three or none",
             "write titles such as 'depth [nm],area [nm^2]'",
             str(path),
         )

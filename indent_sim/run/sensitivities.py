@@ -117,10 +117,10 @@ class _MeshedScene:
 def _derivative(
     config: Config, path: KeyPath, forces: Callable[[Config], np.ndarray], step: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the extrapolated derivative, its error and a force near the value, at every row.
+    """Return the extrapolated derivative, its error and a force, at every row.
 
-    The derivative is (4 D_h - D_2h)/3, its error |D_h - D_2h|/3, with the differences D_h and D_2h
-    of relative steps h and 2 h. The returned force is computed with a value of the key that is
+    The derivative is (4 D_h - D_2h)/3, its error |D_h - D_2h|/3, with the difference quotients D_h
+    and D_2h of relative steps h and 2 h. The returned force is that at a value of the key that is
     changed by one step.
     """
     value = _key_value(config, path)

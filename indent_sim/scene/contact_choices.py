@@ -137,7 +137,7 @@ def contact(
     Returns
     -------
     ContactLaw
-        The law with its nondimensional stiffness [pressure/length].
+        The law with its stiffness, a pressure per displacement divided by its scale.
     Choice
         The method and its stiffness in the user's units.
 
@@ -211,7 +211,10 @@ def _set_tangential_stiffness(law: Any, unit: float, stiffness: float) -> Any:
 def _auto_stiffness(
     law: Any, setup: ProblemSetup, sizes: Sizes, fineness: MeshResolution | None
 ) -> float:
-    """Return the stiffness epsilon_n or gamma for `auto`, nondimensional [pressure/length]."""
+    """Return the stiffness epsilon_n or gamma for `auto`.
+
+    The stiffness is a pressure per displacement, divided by its scale.
+    """
     unit = setup.physics.material.E_star / sizes.typical_size
     default_stiffness = float(law.auto_stiffness_factor * unit)
     if not isinstance(law, Penalty):

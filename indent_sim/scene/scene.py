@@ -551,9 +551,10 @@ def _history_reason(all_choices: Iterable[Choice]) -> str:
 
 
 def _wall_stiffness(setup: ProblemSetup, sizes: Sizes) -> tuple[float, list[Choice]]:
-    """Return the nondimensional stiffness of a curved roller wall [pressure/length] and its choice.
+    """Return the penalty stiffness of a curved roller wall, and its entry in the list of choices.
 
-    Only three-dimensional domains have such a wall; for other domains the stiffness is 0.
+    The stiffness is a pressure per displacement, divided by its scale. Only three-dimensional
+    domains have such a wall; for other domains the stiffness is 0.
     """
     physics = setup.physics
     if not physics.domain.has_curved_roller:

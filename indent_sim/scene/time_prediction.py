@@ -78,7 +78,7 @@ class TimePrediction:
 def time_prediction(
     setup: ProblemSetup, physics: ProblemDefinition, h_contact: float | None, why: str
 ) -> TimePrediction | None:
-    """Return the time prediction of a scene; None without a history.
+    """Return characteristic times, elastic limits and solution procedure; None without a history.
 
     Parameters
     ----------

@@ -17,7 +17,7 @@ MAX_DENOMINATOR = 60
 
 @dataclass(frozen=True)
 class Groups:
-    """Dimensionless groups, and the product of powers that has the dimension of the column.
+    """Dimensionless groups, and the product of powers that has the dimension of the result.
 
     Attributes
     ----------
@@ -26,7 +26,7 @@ class Groups:
     constant
         Powers of the keys in each group that is the same in all runs.
     scale
-        Powers of the keys in the scale of the column.
+        Powers of the keys in the scale of the result, a column of the table of the study.
     """
 
     varied: tuple[Powers, ...]
@@ -47,12 +47,12 @@ def find_groups(
     varied, fixed
         Dimensions of the keys that vary, and of the fixed keys with a dimension.
     column
-        Dimension of the column.
+        Dimension of the dependent quantity, a column of the table of the study.
 
     Raises
     ------
     ValueError
-        If the keys cannot form the dimension of the column.
+        If no product of powers of the keys has the dimension of this column.
     """
     dimensions = {**fixed, **varied}
     repeating: list[str] = []

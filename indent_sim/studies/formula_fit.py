@@ -154,7 +154,7 @@ def _possible_powers(
 def _values_at(
     powers: np.ndarray, variables: Sequence[Mapping[str, float]], values: Mapping[str, np.ndarray]
 ) -> np.ndarray:
-    """Return the values of possible terms at values of the keys; (rows, terms)."""
+    """Return the values of candidate terms at values of the keys; (rows, terms)."""
     points = np.column_stack([product(group, values) for group in variables])
     return np.column_stack([np.prod(points**exponents, axis=1) for exponents in powers])
 

@@ -232,7 +232,10 @@ class Surrogate:
         return [condition for condition in conditions if known.issuperset(condition.keys)]
 
     def values_of(self, keys: Mapping[str, Any]) -> tuple[dict[str, np.ndarray], tuple[int, ...]]:
-        """Return the values of all keys as arrays of one length, and the shape of the answer."""
+        """Broadcast and flatten the values of the keys; return them and the broadcast shape.
+
+        Fixed keys that are not given have the values of the study.
+        """
         known = {*self.ranges, *self.fixed}
         if unknown := [key for key in keys if key not in known]:
             raise UsageError(

@@ -148,8 +148,8 @@ def read_table(study: StudyFile, directory: Path, column: str) -> RunTable:
     except (ValueError, KeyError, csv.Error) as error:
         raise UsageError(
             f"{path} has no numbers of this study ({error})",
-            "a surrogate needs keys that are numbers; if they are, run the study again with "
-            "--resume",
+            "a surrogate needs varied keys with numerical values; if they have them, the table is "
+            "damaged: run the study again with --resume",
             str(path),
         ) from None
     return rows

@@ -85,7 +85,10 @@ class ElasticCurve:
             return z
         upper_depth = min(z, self.deepest)
         if upper_depth + compliance * float(self.force(np.array(upper_depth))) < z:
-            raise ValueError(f"the depth at z = {z:g} is beyond the last sample of the load curve")
+            raise ValueError(
+                f"the depth at the base displacement {z:g} is beyond the last sample of the load "
+                "curve"
+            )
         return self._root(
             lambda x: x + compliance * float(self.force(np.array(x))) - z, upper_depth
         )

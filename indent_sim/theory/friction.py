@@ -73,10 +73,10 @@ def friction_correction(
 
 @dataclass(frozen=True)
 class FrictionalPunch:
-    """Flat punch of radius 1; the function phi of the pressure is constant on each ring.
+    """Flat punch of radius 1; phi, whose Abel transform gives the pressure, is constant on rings.
 
-    The surface sticks on the innermost `stick_ring_count` rings between `ring_edges`, and slips on
-    the outer rings.
+    For the transform see the module. The surface sticks on the innermost `stick_ring_count` rings
+    between `ring_edges`, and slips on the outer rings.
     """
 
     ring_edges: np.ndarray

@@ -98,7 +98,9 @@ def increasing_root(
         width *= 2.0
     while log_excess(low) >= 0.0:
         if math.exp(low) == 0.0:
-            raise ArithmeticError(f"no contact size has a value as small as {target:g}")
+            raise ArithmeticError(
+                f"no contact size > 0 was found at which depth or force is as small as {target:g}"
+            )
         high = low
         low -= width
         width *= 2.0

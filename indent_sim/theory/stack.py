@@ -108,7 +108,7 @@ class Stack:
 
     @property
     def confined_compliance(self) -> float:
-        """Compliance E*/h sum h_i/M_i under a uniform pressure with the oedometric moduli M_i.
+        """Compliance E*/h sum h_i/E_oed,i under a uniform pressure, with the oedometric moduli.
 
         The compliance is 0 for incompressible layers.
         """

@@ -5,10 +5,11 @@ by
 
     w(x) = (2/(pi E*)) ∫_-a^a p(t) [-ln|2 sin(pi (x - t)/2W)|
                                     - sum_n M(k_n h)/n cos k_n x cos k_n t] dt
-           + F sum_i h_i/M_i/(2 W),
+           + F sum_i h_i/E_oed,i/(2 W),
 
-where M = 1 - L is the effect of everything below the top layer (`stack`) and M_i are the oedometric
-moduli of the layers of thickness h_i; the last term, a uniform mode, vanishes at nu = 0.5.
+where M = 1 - L is the effect of everything below the top layer (`stack`), a is the half-width of
+the contact, E* is that of the top layer, and E_oed,i are the oedometric moduli of the layers of
+thickness h_i; the last term, a uniform mode, vanishes at nu = 0.5.
 
 The substitution sin(pi x/2W) = S q, S = sin(pi a/2W), turns the logarithm, on even densities, into
 -ln 2S - ln|q - q'|. The latter is diagonal in Chebyshev polynomials: with p dx = y(q) dq/sqrt(1 -

@@ -82,7 +82,7 @@ class LinearSolution(NamedTuple):
 class LayerWithSurfaceTension(ContactCurve):
     """Load curve of a tip of revolution on a layer with a surface tension.
 
-    b = 2 gamma/E* [h] is the length over which the tension dominates.
+    b = 2 gamma/E* [h] is the elastocapillary length, below which the tension dominates.
     """
 
     b: float = 0.0

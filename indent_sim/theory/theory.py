@@ -133,7 +133,7 @@ class Theory:
         )
 
     def covers_path(self, deepest: float, largest_force: float | None) -> bool:
-        """Return whether the deepest depth or the largest force is in the range of the theory."""
+        """Return whether the largest prescribed depth or force is in the range of the theory."""
         if largest_force is not None:
             return largest_force <= 0 or self.depth_of_force(largest_force, inf) is not None
         return deepest <= 0 or self.solution_at_depth(deepest) is not None

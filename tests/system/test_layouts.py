@@ -125,7 +125,7 @@ def test_panels_are_drawn_into_axes_of_ones_own(gel: Path, what: str) -> None:
 
 
 def test_a_layout_without_room_is_refused(gel: Path) -> None:
-    with pytest.raises(UsageError, match=r"1x1 has room for 1 panels; these are 2"):
+    with pytest.raises(UsageError, match=r"1x1 has room for 1 panels, but the picture has 2"):
         indent_sim.plot(gel, "force,pressure", layout=(1, 1))
     with pytest.raises(UsageError, match=r"4 panels side by side .* need --width"):
         indent_sim.plot(gel, "force", layout=(1, 4), width=60)

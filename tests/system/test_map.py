@@ -198,7 +198,7 @@ def test_thickness_above_a_tilted_base(tmp_path: Path) -> None:
     assert found.thickness is not None
     is_base = thickness == 0
     assert {found.reasons[code] for code in found.reason[is_base]} == {
-        "the bare base: the tip does not indent it"
+        "the bare substrate: the tip does not indent it"
     }
     # Contact points have standard deviations of some 0.003 um, and the modulus of 1.5 %.
     np.testing.assert_allclose(found.thickness[~is_base], thickness[~is_base], atol=0.02)

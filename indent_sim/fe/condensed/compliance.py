@@ -309,7 +309,10 @@ class Condenser:
         return is_on_flat
 
     def count_candidates(self, radius: float, track: TipTrack) -> int:
-        """Return the number of nodes on the facets within a radius [length] of the tip's track."""
+        """Return the number of nodes that may touch the tip or a flat below.
+
+        They are on the facets within a radius [length] of the tip's track, and on a flat below.
+        """
         return len(np.unique(self._surface.nodes[self._is_near_track(radius, track)]))
 
     def _is_near_track(self, radius: float, track: TipTrack) -> np.ndarray:

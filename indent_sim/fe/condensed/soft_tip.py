@@ -172,7 +172,10 @@ def _vertex_radii(trace: Trace, unit: float) -> np.ndarray:
 
 
 def _projection_points(body: Trace, tip: Trace, unit: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return Gauss points and weights over the radii that both surfaces have."""
+    """Return Gauss points and weights on the common range of radii r of both surfaces.
+
+    The intervals end at the vertices of both meshes.
+    """
     radii = [_vertex_radii(body, 1.0), _vertex_radii(tip, unit)]
     end = min(ends[-1] for ends in radii)
     breaks = np.unique(np.concatenate(radii))

@@ -828,7 +828,11 @@ def _build_path_forces(
 
 
 def _bound_height(parameter: Parameter, contact_radius: float) -> Parameter:
-    """Return a parameter; bounds of a height or thickness are relative to the contact radius."""
+    """Return a parameter; a height or thickness gets the bounds 0.2 and 20 contact radii.
+
+    The bounds are widened if they do not contain the initial value. The lower bound of the
+    parameter is kept if it is larger.
+    """
     if parameter.key.rpartition(".")[2] not in ("height", "thickness"):
         return parameter
     # Bounds of a height in contact radii: a thicker body behaves as a half-space, a thinner one

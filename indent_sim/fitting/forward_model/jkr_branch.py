@@ -22,7 +22,7 @@ from indent_sim.fitting.forward_model.elastic_load_curve import PunchTable
 
 @dataclass(frozen=True)
 class JkrBranch:
-    """Force over the displacement of the base along lines between contacts of given radii.
+    """Force over the displacement of the base, linear between the contacts of given radii.
 
     The branch ends at pull-off: a sample beyond it has the force at pull-off. Beyond the largest
     contact the force is continued linearly.
@@ -34,9 +34,9 @@ class JkrBranch:
     scale
         Factor A of all moduli.
     work
-        Work of adhesion of the largest contact [force/length].
+        Work of adhesion at the largest contact [force/length].
     work_exponent
-        Exponent of the contact radius by which the work changes.
+        Exponent m of the work of adhesion at other contacts, work (radius/largest radius)^m.
     compliance
         Compliance C of the spring [length/force].
     """
@@ -63,9 +63,10 @@ class JkrBranch:
 
     @cached_property
     def _first_stable(self) -> int:
-        """Index of the contact at pull-off.
+        """Index of the first stable contact, at pull-off.
 
-        If the adhesion is too strong for the solved contacts, the branch has only their last two.
+        If fewer than two of the contacts are stable, because the adhesion is strong, it is the
+        index of the last but one, so that the branch has two points.
         """
         unstable_points = np.flatnonzero(np.diff(self.contacts[0]) <= 0)
         first_stable = int(unstable_points[-1]) + 1 if len(unstable_points) else 0

@@ -54,9 +54,10 @@ def fit_depth_ranges(estimate: Estimate) -> list[DepthRangeFit]:
     Parts with too few points in contact are omitted. If the scene is time-dependent, a part ends at
     a fraction of the time in contact.
 
-    The difference of two ordinary fits is linear in the noise, D = pinv(J_part) - pinv(J) with
-    zeros in the rows outside the part. The variance of the difference is s2 D V D' with the
-    variance s2 and the correlation V of the noise of the whole curve.
+    The difference of two ordinary least-squares fits is D times the noise, with the matrix
+    D = pinv(J_part) - pinv(J), where pinv(J_part) has zero columns for the samples outside the
+    part. The covariance of the difference is s2 D V D' with the variance s2 and the correlation
+    matrix V of the noise of the whole curve.
     """
     model = estimate.model
     # The shallower part of a loop is loading, which does not determine its parameters.

@@ -979,12 +979,15 @@ def _estimate_with_jumps(model: CurveModel, p: np.ndarray, weak_sides: tuple[int
 def place_jumps(
     model: CurveModel, p: np.ndarray, weak_sides: tuple[int, ...]
 ) -> tuple[CurveModel, np.ndarray, float]:
-    """Fit an adhesive tip, and place the jumps that are not clear, one after another.
+    """Fit an adhesive tip, and place a snap-in or pull-off that the noise hides (see `jumps`).
+
+    The placing of these jumps alternates with the fit.
 
     Returns
     -------
     model : CurveModel
-        The model with the branches of all samples, and with the touch if the snap-in is clear.
+        The model with the branch of every sample and, if the snap-in is clear, with the
+        displacements between which the tip snapped in (`touch`).
     p : ndarray, shape (p,)
         The parameters by ordinary least squares.
     squares : float

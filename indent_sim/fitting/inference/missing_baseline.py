@@ -132,10 +132,10 @@ def _baseline_before_toe(
     half = len(x) // 2
     if not (noise > 0 and x[half] > x[0]):
         return None
-    slope, level, spread = _line(x[:half], force[:half])
+    slope, level, square_sum = _line(x[:half], force[:half])
     distance = float(x[half:].mean() - x[:half].mean())
     rise = float((force[half:] - level - slope * x[half:]).mean())
-    error = noise * np.sqrt(1 / half + 1 / (len(x) - half) + distance**2 / spread)
+    error = noise * np.sqrt(1 / half + 1 / (len(x) - half) + distance**2 / square_sum)
     slow_noise = float(np.std(force[:half] - level - slope * x[:half]))
     if rise < max(CLEAR_RISE * error, CLEAR_NOISE * slow_noise):
         return None
@@ -144,12 +144,12 @@ def _baseline_before_toe(
         return None
     # The toe may begin already in the half of the samples that is farther from the body.
     far = max(half // 2, MIN_BASELINE_POINTS // 2)
-    slope, level, spread = _line(x[:far], force[:far])
+    slope, level, square_sum = _line(x[:far], force[:far])
     # Standard deviation of the tilt of a baseline over the range of a curve, relative to its force.
     usual_tilt = 0.01
     # The slope of few samples is uncertain: it is shrunk towards 0, its usual value.
     usual = usual_tilt * estimate.max_force / float(np.ptp(estimate.model.samples.x))
-    shrinkage = usual**2 / (usual**2 + noise**2 / spread)
+    shrinkage = usual**2 / (usual**2 + noise**2 / square_sum)
     level += (1.0 - shrinkage) * slope * float(x[:far].mean())
     slope *= shrinkage
     contact_force = samples.force - level - slope * samples.x
@@ -170,8 +170,8 @@ def _baseline_before_toe(
 
 
 def _line(x: np.ndarray, force: np.ndarray) -> tuple[float, float, float]:
-    """Return slope and value at 0 of the line through samples, and the spread of x."""
+    """Return slope and intercept of the least-squares line, and the sum of (x - mean(x))^2."""
     centre = float(x.mean())
-    spread = max(float(((x - centre) ** 2).sum()), 1e-300)
-    slope = float(((x - centre) * force).sum()) / spread
-    return slope, float(force.mean()) - slope * centre, spread
+    square_sum = max(float(((x - centre) ** 2).sum()), 1e-300)
+    slope = float(((x - centre) * force).sum()) / square_sum
+    return slope, float(force.mean()) - slope * centre, square_sum

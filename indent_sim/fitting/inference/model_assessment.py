@@ -304,7 +304,7 @@ def _snap_in_probability(force: np.ndarray) -> float:
 
 
 def _exponent_derivative(model: CurveModel, p: np.ndarray) -> np.ndarray:
-    """Return F ln(delta/depth), the derivative of F with respect to the exponent of the depth."""
+    """Return F ln(delta/max delta), the derivative of F (delta/max delta)^m by m at m = 0."""
     force = model.contact_force(p)
     delta = (
         model.samples.x

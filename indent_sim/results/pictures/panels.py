@@ -439,8 +439,8 @@ def _requested_rows(
     panels = _all_panels(runs, names, request)
     if len(panels) > count * columns:
         raise UsageError(
-            f"--layout {count}x{columns} has room for {count * columns} panels; these are "
-            f"{len(panels)}"
+            f"--layout {count}x{columns} has room for {count * columns} panels, but the "
+            f"picture has {len(panels)}"
         )
     return [_panel_row(part, columns) for part in _split_rows(panels, columns)]
 

@@ -69,7 +69,7 @@ def step_refinement(
 
 
 def value_difference(first: StatesByStep, second: StatesByStep, step: int, name: str) -> float:
-    """Return the difference of a quantity between two runs; NaN if a run lacks the step."""
+    """Return the absolute difference of a quantity in two runs; NaN if a run lacks the step."""
     if step not in first or step not in second:
         return nan
     return float(abs(getattr(second[step], name) - getattr(first[step], name)))

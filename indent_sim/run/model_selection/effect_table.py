@@ -406,7 +406,7 @@ def _relaxation_source(v: SceneVariants) -> str:
 
 
 def _stiffness_needs(v: SceneVariants) -> str:
-    """Return text on the cantilever stiffness that changes the force by the tolerance."""
+    """Return text on the cantilever stiffness whose effect on the force is the tolerance."""
     stiffness = (1 - v.tolerance) * v.scene_force / v.tolerated_depth_error
     return f"above {v.percent:g} % from stiffness = {stiffness:.2g} or less"
 

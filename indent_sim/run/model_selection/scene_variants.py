@@ -170,11 +170,11 @@ class SceneVariants:
 
     @cached_property
     def _stand_in_scene(self) -> Config:
-        """The single-step scene on the stand-in for the body of the scene."""
+        """The single-step scene with a stand-in for its body, see `replace_body`."""
         return self.replace_body(self.single_step_scene)
 
     def replace_body(self, scene: Config) -> Config:
-        """Return a scene of this body on a stand-in that does not need a three-dimensional mesh.
+        """Return a scene with a stand-in for its body that needs no three-dimensional mesh.
 
         A box is replaced by a cylinder that ends at its nearest side. Inclusions that are not
         axisymmetric about the tip are removed.
@@ -203,7 +203,7 @@ class SceneVariants:
 
     @cached_property
     def linear_scene(self) -> Config:
-        """The single-step scene on the stand-in for its body, with linear elastic materials."""
+        """The single-step scene with the stand-in for its body and linear elastic materials."""
         return variants.change_laws(self._stand_in_scene, variants.linear_law)
 
     @cached_property
@@ -213,7 +213,7 @@ class SceneVariants:
 
     @cached_property
     def hyperelastic_scene(self) -> Config:
-        """Single-step scene on the stand-in for its body, with finite-strain laws.
+        """Single-step scene with the stand-in for its body and finite-strain laws.
 
         The laws are those of the scene if they are for finite strain, otherwise neo-Hookean laws.
         """

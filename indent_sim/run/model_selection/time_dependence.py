@@ -128,7 +128,7 @@ class TransientVariants(SceneVariants):
 
     @property
     def variant_at_depth(self) -> Config:
-        """Return the elastic variant in a single step to the depth of the largest force."""
+        """Return the elastic variant, loaded in a single step to the depth of the largest force."""
         try:
             delta = self._largest_force_row.delta
         except NotConverged:
@@ -148,7 +148,8 @@ class TransientVariants(SceneVariants):
     def swelling_range(self) -> tuple[float, float, float]:
         """Return (low, high, value) of F/F_swollen - 1, the change from swelling equilibrium.
 
-        Both forces are at the same depth, in the bath of the row.
+        The bounds are 0 and the change of the undrained body. All forces are those at the depth,
+        and in the bath, of the row with the largest force.
         """
         equilibrated = self._equilibrated_force
         instantaneous = self._limit_force("undrained") if self._largest_force_row.delta > 0 else 0.0
@@ -183,7 +184,7 @@ class TransientVariants(SceneVariants):
 
     @cached_property
     def _transient_scene(self) -> Config:
-        """Return the scene on the stand-in for its body, up to the last increase of its load.
+        """Return the scene with the stand-in for its body, up to the last increase of its load.
 
         Contact, solver and output have default settings. The mesh has default settings except for
         the element size at the contact, which is taken from the scene.

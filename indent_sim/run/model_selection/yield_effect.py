@@ -32,7 +32,8 @@ def elastic_variant(config: Config) -> Config:
     if config.loading.given_path_keys[:1] not in (("delta",), ("deltas",)):
         raise ConfigError(
             "loading",
-            "prescribes no depth, at which a body that yields is compared with an elastic one",
+            "prescribes no depth; a body that yields is compared with an elastic one at the same "
+            "depth",
             "give delta or deltas",
         )
     delta = max(config.loading.path().values)
