@@ -93,7 +93,7 @@ def _point_errors(
 
 
 def _history_rejections(config: SceneSections) -> Iterator[Rejection]:
-    """Yield the conditions under which only a slide prescribed in time is rejected."""
+    """Yield the conditions under which a slide prescribed in time is rejected."""
     loading = config.loading
     yield (loading.slide is not None, "is given beside loading.slide", "give one of them")
     yield (
@@ -125,7 +125,7 @@ def _history_rejections(config: SceneSections) -> Iterator[Rejection]:
 
 
 def _path_rejections(config: SceneSections) -> Iterator[Rejection]:
-    """Yield the conditions under which only a slide at a held depth or force is rejected."""
+    """Yield the conditions under which a slide at a held depth or force is rejected."""
     loading = config.loading
     yield (
         loading.prescribed_history is not None,

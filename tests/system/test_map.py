@@ -214,7 +214,7 @@ def test_thickness_above_a_tilted_base(tmp_path: Path) -> None:
     [
         (("--vary", "body.height"), 3, "a map varies one modulus"),
         (("--thickness", "no.csv"), 2, "cannot be read"),
-        (("--thickness", "base"), 2, "the plane of the base cannot be fitted"),
+        (("--thickness", "base"), 2, "the plane of the substrate cannot be fitted"),
         (("--thickness", "height:soft"), 3, "body.height"),
         (("--grid", "3x3"), 2, "files"),
         (("--map", "--segment", "retract"), 2, "approach"),

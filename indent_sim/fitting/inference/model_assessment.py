@@ -304,7 +304,10 @@ def _snap_in_probability(force: np.ndarray) -> float:
 
 
 def _exponent_derivative(model: CurveModel, p: np.ndarray) -> np.ndarray:
-    """Return F ln(delta/max delta), the derivative of F (delta/max delta)^m by m at m = 0."""
+    """Return F ln(delta/delta_max) with the largest depth delta_max.
+
+    It is the derivative of F (delta/delta_max)^m with respect to m at m = 0.
+    """
     force = model.contact_force(p)
     delta = (
         model.samples.x
