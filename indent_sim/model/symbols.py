@@ -282,7 +282,8 @@ h_axis [length]: element size at the tip's axis, from which sizes grow to h_cont
 h_edge [length]: element size at the sharp edge of a flat punch, and along all of a rounded edge
   with friction; default: a fraction of h_contact
 h_corner [length]: element size at those corners of a two-dimensional model domain that affect the
-  contact: where a fixed face meets a free face, and where the contact is close to a side; without
+  contact: where a fixed face meets a free face, at edges of cylindrical inclusions on the axis,
+  and where the contact is close to a side; without
   it and with a given h_contact, corners are not refined
 h_film [length]: element size at drained faces next to the contact, in a two-dimensional model
   domain; without it and with a given h_contact, these faces are not refined

@@ -1,4 +1,4 @@
-"""Corner singularities of the body next to the contact, and narrow gaps between contact and sides.
+"""Corner singularities of body and inclusions near the contact, and gaps between contact and sides.
 
 Where a fixed face meets a free face at a right angle, the stress grows as rho^(lambda - 1) with the
 distance rho from the corner. The smallest lambda, 0.595, is that of an incompressible body, and
@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from math import exp, inf, log
 
 from indent_sim.mesh.model_domain import ModelDomain, Side
+from indent_sim.model.inclusions import CylinderInclusion
 from indent_sim.model.units import round_length
 from indent_sim.scene.measured_constants import (
     CORNER_ERROR,
@@ -90,19 +91,21 @@ def corners(
     list of Corner
         The corners; in three dimensions the nearest points of the edges.
     """
+    inclusion_corners = _inclusion_corners(domain, a)
     if domain.top_arc:
-        return _base_edge_corners(domain, domain.top_arc, a, nu)
+        return _base_edge_corners(domain, domain.top_arc, a, nu) + inclusion_corners
     walls = [
         (domain.supports[surface], round_length(r))
         for surface, r in domain.wall_distances(center).items()
     ]
     # A wall through the axis is a mirror plane, which has no corner.
-    return [
+    side_corners = [
         corner
         for side, r in walls
         if r > 0
         for corner in _side_corners(side, r, domain, a, nu, edge)
     ]
+    return side_corners + inclusion_corners
 
 
 def _load_share(a: float, distance: float, is_plane_strain: bool) -> float:
@@ -141,6 +144,40 @@ def _base_edge_corners(domain: ModelDomain, arc: Side, a: float, nu: float) -> l
     notch_error = NOTCH_ERROR if domain.height > half_height else 0.0
     error_constant = max(corner_error, notch_error) * min(load_width / distance, 1.0)
     return [Corner(round_length(r), -z, distance, error_constant)] if error_constant else []
+
+
+def _inclusion_corners(domain: ModelDomain, a: float) -> list[Corner]:
+    """Return the edges of cylindrical inclusions on the axis of an axisymmetric body.
+
+    The body has a notch of 270 degrees there, which is filled with another material. The stresses
+    at an edge extend over its depth, or over the inclusion if that is smaller. The singularity is
+    strongest where one of both materials is far stiffer. `a` is the radius of the contact [length].
+    """
+    if domain.kinematics.name != "axisymmetric":
+        return []
+    found = []
+    for region in domain.regions:
+        cylinder = region.inclusion
+        if not isinstance(cylinder, CylinderInclusion):
+            continue
+        E = region.material.constants.E
+        E_around = _layer_modulus(domain, cylinder.center[2])
+        contrast = abs(E - E_around) / (E + E_around)
+        for sign in (-1, 1):
+            depth = -cylinder.center[2] + sign * cylinder.half_width(2)
+            distance = min(depth, cylinder.min_half_width)
+            error_constant = NOTCH_ERROR * contrast * min(a / depth, 1.0) ** 2
+            found.append(Corner(cylinder.radius, depth, distance, error_constant))
+    return found
+
+
+def _layer_modulus(domain: ModelDomain, z: float) -> float:
+    """Return the Young's modulus of the layer at the height z on the axis [pressure]."""
+    layers = [region for region in domain.regions if region.inclusion is None]
+    return next(
+        (layer.material.constants.E for layer in layers if z >= layer.bottom),
+        layers[-1].material.constants.E,
+    )
 
 
 def _side_corners(

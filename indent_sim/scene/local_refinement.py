@@ -92,7 +92,10 @@ def refine_corners(
     physics = setup.physics
     near_corners = nearby_corners(physics, default_sizes, setup.a) if setup.max_depth > 0 else []
     if fixed_sizes.h_corner and (physics.domain.dim == 3 or not near_corners):
-        where = "corners of a bonded base and narrow gaps next to the contact in two dimensions"
+        where = (
+            "corners of a bonded base, edges of cylindrical inclusions and narrow gaps next to the "
+            "contact in two dimensions"
+        )
         raise ConfigError(
             "mesh.h_corner", f"applies only to {where}, but this scene has none", "leave it out"
         )

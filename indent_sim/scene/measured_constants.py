@@ -62,7 +62,8 @@ SWELLING_CORNER_SIZE = 0.125
 # NOTCH_ERROR [-] replaces CORNER_ERROR (2 nu)^2 where a body overhangs its base, with any support.
 # Measured on caps with contact angles from 60 to 170 degrees and elements of 0.01 to 0.3 of the
 # base radius: the errors were 0.1 to 1.3 times this bound, and no more than noise up to 90 degrees.
-# Repeated by: tests/physics/test_measured_constants.py.
+# Repeated by: tests/physics/test_measured_constants.py. It also bounds the errors by the edges of
+# cylindrical inclusions (tests/physics/test_inclusions.py).
 NOTCH_ERROR = 0.1
 # The error by a corner decays as exp(-DECAY_RATE (s - DECAY_ONSET)) [-] with the distance s of
 # contact and side in heights of the body. Measured on the same cylinders. Checked:
