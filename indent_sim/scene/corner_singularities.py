@@ -155,7 +155,7 @@ def _inclusion_corners(domain: ModelDomain, a: float) -> list[Corner]:
     """
     if domain.kinematics.name != "axisymmetric":
         return []
-    found = []
+    inclusion_corners = []
     for region in domain.regions:
         cylinder = region.inclusion
         if not isinstance(cylinder, CylinderInclusion):
@@ -167,8 +167,8 @@ def _inclusion_corners(domain: ModelDomain, a: float) -> list[Corner]:
             depth = -cylinder.center[2] + sign * cylinder.half_width(2)
             distance = min(depth, cylinder.min_half_width)
             error_constant = NOTCH_ERROR * contrast * min(a / depth, 1.0) ** 2
-            found.append(Corner(cylinder.radius, depth, distance, error_constant))
-    return found
+            inclusion_corners.append(Corner(cylinder.radius, depth, distance, error_constant))
+    return inclusion_corners
 
 
 def _layer_modulus(domain: ModelDomain, z: float) -> float:

@@ -91,7 +91,7 @@ def _fit(
     formula = ClosedFormula(surrogate.column, variables, factor, (), (), {})
     ratio = column / product(factor, values)
     edges = surrogate.values_of(edge_points(surrogate, values))[0]
-    quotient = _found_quotient(
+    quotient = _best_quotient(
         _values_at(powers, variables, values), ratio, _values_at(powers, variables, edges)
     )
     formula = replace(
@@ -99,10 +99,10 @@ def _fit(
         numerator=_terms(quotient.above_coefficients, powers[quotient.above]),
         denominator=_terms(quotient.below_coefficients, powers[quotient.below]),
     )
-    return _with_positive_powers(formula, is_group)
+    return _prefer_positive_powers(formula, is_group)
 
 
-def _found_quotient(values: np.ndarray, ratio: np.ndarray, edge_values: np.ndarray) -> Quotient:
+def _best_quotient(values: np.ndarray, ratio: np.ndarray, edge_values: np.ndarray) -> Quotient:
     """Return the quotient with the fewest terms within the wanted error, or the most accurate one.
 
     See `TermSearch` for the parameters.
@@ -110,16 +110,16 @@ def _found_quotient(values: np.ndarray, ratio: np.ndarray, edge_values: np.ndarr
     searches = [
         TermSearch(values, ratio, edge_values, has_denominator) for has_denominator in (False, True)
     ]
-    found = []
+    quotients = []
     for _ in range(max(1, min(MAX_COEFFICIENTS, len(ratio) // ROWS_PER_COEFFICIENT))):
-        found += [search.extended() for search in searches]
-        if min(quotient.error for quotient in found) <= WANTED_ERROR:
+        quotients += [search.extended() for search in searches]
+        if min(quotient.error for quotient in quotients) <= WANTED_ERROR:
             break
-    found += [search.shortened(WANTED_ERROR) for search in searches]
-    wanted = [quotient for quotient in found if quotient.error <= WANTED_ERROR]
+    quotients += [search.shortened(WANTED_ERROR) for search in searches]
+    wanted = [quotient for quotient in quotients if quotient.error <= WANTED_ERROR]
     if wanted:
         return min(wanted, key=lambda quotient: (quotient.count, quotient.error))
-    return min(found, key=lambda quotient: quotient.error)
+    return min(quotients, key=lambda quotient: quotient.error)
 
 
 def _candidate_powers(is_group: Sequence[bool]) -> np.ndarray:
@@ -141,14 +141,14 @@ def _possible_powers(
     key_powers = [
         {place: float(power)} for place in keys for power in range(1, largest_key_power + 1)
     ]
-    found = set()
+    rows = set()
     for places in combinations(groups, min(2, len(groups))):
         for values in all_tuples(exponents, repeat=len(places)):
             chosen = dict(zip(places, map(float, values), strict=True))
             for key_power in ({}, *key_powers):
                 row = chosen | key_power
-                found.add(tuple(row.get(place, 0.0) for place in range(len(is_group))))
-    return sorted(found, key=lambda row: (sum(map(abs, row)), row))
+                rows.add(tuple(row.get(place, 0.0) for place in range(len(is_group))))
+    return sorted(rows, key=lambda row: (sum(map(abs, row)), row))
 
 
 def _values_at(
@@ -187,7 +187,7 @@ def _terms(coefficients: np.ndarray, powers: np.ndarray) -> tuple[Term, ...]:
     )
 
 
-def _with_positive_powers(formula: ClosedFormula, is_group: Sequence[bool]) -> ClosedFormula:
+def _prefer_positive_powers(formula: ClosedFormula, is_group: Sequence[bool]) -> ClosedFormula:
     """Return the formula with the reciprocals of groups whose powers are mostly negative."""
     terms = (*formula.numerator, *formula.denominator)
     powers = np.array([term.powers for term in terms])

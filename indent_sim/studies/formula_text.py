@@ -106,7 +106,7 @@ def python_text(formula: ClosedFormula) -> str:
     ]
     lines += [
         f"numerator = {notation.sum(formula.numerator)}",
-        f"denominator = {notation.sum((_one(names), *formula.denominator))}",
+        f"denominator = {notation.sum((_constant_one(names), *formula.denominator))}",
         f"{formula.column} = {notation.keys_product(formula.factor)} * numerator / denominator",
     ]
     return "\n".join(lines) + "\n"
@@ -121,7 +121,7 @@ def latex_text(formula: ClosedFormula) -> str:
         rf"{_latex_symbol(formula.column)} &= {notation.keys_product(formula.factor)}"
         r" \, \frac{N}{D},",
         *_latex_sum("N", notation.terms(formula.numerator)),
-        *_latex_sum("D", notation.terms((_one(names), *formula.denominator))),
+        *_latex_sum("D", notation.terms((_constant_one(names), *formula.denominator))),
     ]
     rows += [
         f"{name} &= {notation.keys_product(powers)},"
@@ -155,7 +155,7 @@ def _variable_names(
     ]
 
 
-def _one(names: Sequence[str]) -> Term:
+def _constant_one(names: Sequence[str]) -> Term:
     """Return the term 1."""
     return Term(1.0, (0.0,) * len(names))
 
