@@ -394,13 +394,13 @@ class SingleRun:
         return is_written.get(self.output_settings.surface, False)
 
     def _next_state(self, solved_states: Iterator[State]) -> State | None:
-        """Solve the next state; return None at the end of the path."""
+        """Solve the next row of the load path; return None after the last one."""
         with self.clock.stage("solve"):
             return next(solved_states, None)
 
     def _record_state(self, state: State) -> None:
         """Check a converged state and write it."""
-        state = self._row_solver.verify(state, self._check_state)
+        state = self._row_solver.finish_row(state, self._check_state)
         with self.clock.stage("write"):
             if self._fields_to_write == "all" or state.step in self._steps_always_written:
                 self._write_fields(state)

@@ -1,4 +1,4 @@
-"""Files of a closed formula beside its surrogate: statements of Python, equation of LaTeX."""
+"""Files with a closed formula, as statements of Python and as an equation for LaTeX."""
 
 from __future__ import annotations
 
@@ -85,4 +85,4 @@ def _description(surrogate: Surrogate, entry: Mapping[str, Any]) -> list[str]:
         f"for {powers_text(powers)} = {math.exp(logarithm):.6g}"
         for powers, logarithm in surrogate.constant
     ]
-    return [*lines, "all keys that are not named are those of the study"]
+    return [*lines, "all other keys have their values in the study"]

@@ -95,7 +95,7 @@ class TermSearch:
         return quotient
 
     def shortened(self, largest_error: float) -> Quotient:
-        """Leave out terms as long as the error is not too large, and return the quotient."""
+        """Remove terms as long as the error is at most `largest_error`; return the quotient."""
         quotient = self._solution()[0]
         while len(self._chosen) > 1:
             rests = [

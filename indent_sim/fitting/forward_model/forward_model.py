@@ -384,7 +384,7 @@ class ForwardModel:
         return force * variation / max(float(high[k] - low[k]), 1e-300)
 
     def _neighbours(self, k: int, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return theta with a smaller and a larger shape parameter k, for a central difference.
+        """Return the parameters theta with the k-th one decreased and increased by a small step.
 
         The step of the difference of polynomials is far above their round-off.
         """

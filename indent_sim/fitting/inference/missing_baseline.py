@@ -98,7 +98,7 @@ def known_baseline(samples: Samples, estimate: Estimate) -> KnownBaseline | None
 def _zero_baseline(
     origin: OriginOptions, x: np.ndarray, force: np.ndarray, noise: float
 ) -> OriginOptions | None:
-    """Return the options for a curve without samples before contact, with a zero baseline.
+    """Return options with a force of zero out of contact, for a curve that begins in contact.
 
     The result is None if the force does not rise at the beginning of the curve.
     """

@@ -93,11 +93,11 @@ class HereditaryIntegralSolver:
         return replace(self._history_result.in_units(self.scene.physics.scales), rows=[])
 
     def states_with_errors(self, rows: list[State]) -> list[State]:
-        """Return the states that have error estimates: those of the elastic curve."""
+        """Return the states with error estimates, which are those of the elastic curve."""
         return self._states_with_errors
 
-    def verify(self, row: State, check: Callable[[State], State]) -> State:
-        """Return a row with the relative error of the elastic curve at its depth.
+    def finish_row(self, row: State, check: Callable[[State], State]) -> State:
+        """Return a row of a history with the error estimate of the elastic curve at its depth.
 
         Rows of a history are not checked, since the elastic curve from which they are computed has
         been checked.

@@ -48,7 +48,7 @@ class LoadPathSolver:
         return len(self._scene.physics.deltas)
 
     def prepare(self, error_bars: AnyErrorBars | None = None) -> None:
-        """Compute nothing in advance."""
+        """Do nothing: each row is solved when it is requested."""
 
     def states(
         self, path: LoadPath, wants_surface: Callable[[int], bool], done: int = 0
@@ -57,12 +57,12 @@ class LoadPathSolver:
         for state in self._stepper.states(path, wants_surface, done):
             yield self._derived_quantities.complete_state(state)
 
-    def verify(self, row: State, check: Callable[[State], State]) -> State:
-        """Return the row as `check` returns it, with its error estimate."""
+    def finish_row(self, row: State, check: Callable[[State], State]) -> State:
+        """Return a row after its checks, with the error estimate that `check` adds."""
         return check(row)
 
     def states_with_errors(self, rows: list[State]) -> list[State]:
-        """Return the states that have error estimates: the rows."""
+        """Return the states with error estimates, which are the rows of the force table."""
         return rows
 
     def experiment(self) -> Any:
